@@ -45,7 +45,7 @@ class Motor(Parameters):
     rated_speed: Annotated[float, Quantity("rad/s", "rated shaft speed", 0.0, 1050.0, True, _RPM_HINT)] | None = None
 
     def _check_together(self) -> None:
-        if min(self.L_ls, self.L_lr) / self.L_m > 0.5:
+        if max(self.L_ls, self.L_lr) / self.L_m > 0.5:
             raise ParameterError(
                 f"Motor.L_ls = {self.L_ls:g} H, L_lr = {self.L_lr:g} H with L_m = {self.L_m:g} H: the leakage of an "
                 "induction motor is a few per cent of L_m; check mH against H and that L_m is 3/2 l_m."

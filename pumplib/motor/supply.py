@@ -1,5 +1,6 @@
 """Thesis 3.2.3: supplies at the motor's terminals: grid, unbalance, harmonics, V/f ramps."""
 
+import cmath
 import math
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -213,11 +214,11 @@ def angle_at(supply: Supply, t: Array) -> Array:
     return supply.phase + 2 * math.pi * (turns[k] + 0.5 * (f[k] + frequency_at(supply, t)) * (t - knots[k]))
 
 
-def _phasor(angle: float, step: float, n: int, order: int) -> Array:
-    """exp(j order (angle + k step)) for k < n: exact angles every block, a table of rotations within."""
+def _phasor(angle: float, step: float, n: int, order: int, amplitude: complex) -> Array:
+    """amplitude exp(j order (angle + k step)) for k < n: exact angles every block, rotations within."""
     within = np.exp(1j * order * step * np.arange(_BLOCK))
-    starts = np.exp(1j * order * (angle + step * _BLOCK * np.arange(-(-n // _BLOCK))))
-    return np.outer(starts, within).reshape(-1)[:n]
+    starts = amplitude * np.exp(1j * order * (angle + step * _BLOCK * np.arange(-(-n // _BLOCK))))
+    return np.multiply.outer(starts, within).reshape(-1)[:n]
 
 
 def terminal_voltage(supply: Supply, start: float, step: float, n: int) -> tuple[Array, Array]:
@@ -241,25 +242,23 @@ def terminal_voltage(supply: Supply, start: float, step: float, n: int) -> tuple
     zero : ndarray, shape (n,)
         Zero sequence, V.
     """
-    t = start + step * np.arange(n)
-    ends = frequency_at(supply, t[[0, -1]])
-    constant = ends[0] == ends[1]
-    f = ends[0] if constant else frequency_at(supply, t)
-    full = supply.boost + (supply.amplitude - supply.boost) * f / supply.rated_frequency
-    amplitude = np.minimum(full, supply.amplitude) if supply.frequency is not None else supply.amplitude
-    angle = None if constant else angle_at(supply, t)
+    first, last = np.array([start]), np.array([start + step * (n - 1)])
+    constant = bool(frequency_at(supply, first)[0] == frequency_at(supply, last)[0])
+    t = first if constant else start + step * np.arange(n)
+    f, angle = frequency_at(supply, t), angle_at(supply, t)
+    amplitude = supply.boost + (supply.amplitude - supply.boost) * f / supply.rated_frequency
+    amplitude = np.minimum(amplitude, supply.amplitude)
 
-    def rotor(order: int) -> Array:
-        if angle is None:
-            return _phasor(float(angle_at(supply, t[:1])[0]), 2 * math.pi * float(ends[0]) * step, n, order)
-        return np.exp(1j * order * angle)
+    def rotor(order: int, factor: complex) -> Array:
+        if constant:
+            return _phasor(angle[0], 2 * math.pi * f[0] * step, n, order, factor * amplitude[0])
+        return factor * amplitude * np.exp(1j * order * angle)
 
-    vector = rotor(1)
-    zero = np.zeros(n)
+    vector, zero = rotor(1, 1.0), np.zeros(n)
     for part in supply.components:
-        phasor = part.ratio * rotor(part.order) * complex(math.cos(part.phase), math.sin(part.phase))
+        phasor = rotor(part.order, cmath.rect(part.ratio, part.phase))
         if part.sequence == 0:
-            zero = zero + phasor.real
+            zero += phasor.real
         else:
-            vector = vector + (phasor if part.sequence > 0 else phasor.conj())
-    return amplitude * vector, amplitude * zero
+            vector += phasor if part.sequence > 0 else phasor.conj()
+    return vector, zero

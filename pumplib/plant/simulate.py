@@ -196,9 +196,15 @@ def _segments(
     for first, last in pairwise(ends):
         start, n = first * step, 2 * (last - first) + 1
         v_t, v_t0 = terminal_voltage(supply, start, 0.5 * step, n)
-        t = start + 0.5 * step * np.arange(n)
-        found.append((first, last, _Inputs(v_t, v_t0, valve.sample(t, start), load.sample(t, start))))
+        K_v, T_load = _sampled(valve, start, 0.5 * step, n), _sampled(load, start, 0.5 * step, n)
+        found.append((first, last, _Inputs(v_t, v_t0, K_v, T_load)))
     return found
+
+
+def _sampled(profile: Profile, start: float, step: float, n: int) -> Array:
+    if profile.kind == "steps":  # constant within a segment
+        return np.full(n, profile.sample(np.array([start]), start)[0])
+    return profile.sample(start + step * np.arange(n), start)
 
 
 def _initial(initial: Array | Sequence[float] | None) -> Array:
@@ -298,17 +304,7 @@ def simulate(
     for first, last, u in segments:
         v_s = stator_voltage(u.v_t, machine.motor.connection)
         a, b = first // every, last // every
-        run_one(
-            state,
-            np.ascontiguousarray(v_s.real),
-            np.ascontiguousarray(v_s.imag),
-            u.K_v,
-            u.T_load,
-            step,
-            every,
-            c,
-            x[a + 1 : b + 1],
-        )
+        run_one(state, v_s.real, v_s.imag, u.K_v, u.T_load, step, every, c, x[a + 1 : b + 1])
         # the last sample of a segment is overwritten by the first of the next: "from this time on"
         kept = slice(a, b + 1)
         for target, source in ((v_t, u.v_t), (v_t0, u.v_t0), (K_v, u.K_v), (T_load, u.T_load)):
@@ -382,17 +378,7 @@ def simulate_many(
         v_s = stator_voltage(u.v_t, connections.copy().pop())
         a, b = first // every, last // every
         out = np.empty((blocks, b - a, N_STATES, LANES))
-        run_many(
-            state,
-            np.ascontiguousarray(v_s.real),
-            np.ascontiguousarray(v_s.imag),
-            u.K_v,
-            u.T_load,
-            step,
-            every,
-            c,
-            out,
-        )
+        run_many(state, v_s.real, v_s.imag, u.K_v, u.T_load, step, every, c, out)
         x[a + 1 : b + 1] = out.transpose(1, 0, 3, 2).reshape(b - a, blocks * LANES, N_STATES)[:, :count]
     t = step * every * np.arange(n + 1)
     fastest = min(m.motor.L_s_prime / (m.motor.r_s + m.motor.R_r_prime) for m in machines)
