@@ -1,6 +1,7 @@
-"""Replication workbook of C. S. Kallesøe, *Fault Detection and Isolation in Centrifugal Pumps* (2005).
+"""Thesis, all chapters: replication workbook of C. S. Kallesøe's thesis.
 
-Covers the whole thesis; each module's docstring opens with the sections that it covers.
+*Fault Detection and Isolation in Centrifugal Pumps*, Aalborg University, 2005. Each module's
+docstring opens with the sections that it covers.
 """
 
 from importlib.metadata import version

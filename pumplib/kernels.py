@@ -20,7 +20,13 @@ _KEPT = 3  # caches of this many source states are kept, older ones are removed
 
 @cache
 def sources_hash() -> str:
-    """Return a hash of every Python source of the package (hex, 16 digits)."""
+    """Return a hash of every Python source of the package.
+
+    Returns
+    -------
+    str
+        16 hex digits.
+    """
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         digest.update(path.relative_to(_PACKAGE).as_posix().encode())

@@ -13,6 +13,7 @@ from pumplib.errors import ParameterError
 from pumplib.machines.parameters import Impeller, Liquid, Pump
 
 Array = NDArray[Any]
+Values = Any  # a float or an array; the result is the same kind
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,7 +42,7 @@ class StageCoefficients:
     K_Q: float
 
 
-def blade_angle(impeller: Impeller, r: Array) -> Array:
+def blade_angle(impeller: Impeller, r: Values) -> Values:
     """Blade angle at a radius, linear between the given angles.
 
     Parameters
@@ -60,7 +61,7 @@ def blade_angle(impeller: Impeller, r: Array) -> Array:
     return np.interp(r, knots, impeller.beta)
 
 
-def tangential_speed(impeller: Impeller, r: Array, omega: Array, Q: Array) -> Array:
+def tangential_speed(impeller: Impeller, r: Values, omega: Values, Q: Values) -> Values:
     """Tangential speed of the liquid, c_x = r omega - Q cot(beta) / A_r.
 
     Parameters
@@ -86,7 +87,7 @@ def tangential_speed(impeller: Impeller, r: Array, omega: Array, Q: Array) -> Ar
     return r * omega - Q / (np.tan(blade_angle(impeller, r)) * 2 * np.pi * r * impeller.h)
 
 
-def euler_torque(impeller: Impeller, liquid: Liquid, omega: Array, Q: Array) -> Array:
+def euler_torque(impeller: Impeller, liquid: Liquid, omega: Values, Q: Values) -> Values:
     """Steady torque on the liquid from the change of its moment of momentum, without disc friction.
 
     Parameters
@@ -112,7 +113,7 @@ def euler_torque(impeller: Impeller, liquid: Liquid, omega: Array, Q: Array) -> 
     return liquid.rho * Q * (outlet - inlet)
 
 
-def theoretical_head(impeller: Impeller, liquid: Liquid, omega: Array, Q: Array) -> Array:
+def theoretical_head(impeller: Impeller, liquid: Liquid, omega: Values, Q: Values) -> Values:
     """Theoretical head H_e of the impeller.
 
     Parameters
@@ -137,7 +138,7 @@ def theoretical_head(impeller: Impeller, liquid: Liquid, omega: Array, Q: Array)
     return (r_2**2 - r_1**2) / g * omega**2 - _cot_over_area(impeller) / g * omega * Q
 
 
-def real_head(impeller: Impeller, liquid: Liquid, omega: Array, Q: Array) -> Array:
+def real_head(impeller: Impeller, liquid: Liquid, omega: Values, Q: Values) -> Values:
     """Head of the stage after slip, shock and friction losses.
 
     Parameters

@@ -90,13 +90,14 @@ class Motor(Parameters):
 class MotorLosses(Parameters):
     """Losses and temperatures of a motor beyond the thesis's model (thesis 3.2 neglects iron losses).
 
-    Core loss goes with the square of the phase voltage behind the stator resistance, friction torque with
-    the speed, stray-load torque with the square of the phase current.
+    Core loss goes with the square of the voltage of its branch (where the branch sits is a choice of the
+    circuit, see `pumplib.motor.circuit`), friction torque with the speed, stray-load torque with the square of
+    the phase current.
     """
 
     core_loss: Annotated[float, Quantity("W", "core loss at core_voltage, all phases")]
     core_voltage: Annotated[
-        float, Quantity("V", "phase voltage behind r_s at which core_loss holds, rms", 0.0, 2e4, True)
+        float, Quantity("V", "voltage of the core branch at which core_loss holds, rms", 0.0, 2e4, True)
     ]
     friction_loss: Annotated[float, Quantity("W", "friction and windage loss at loss_speed")]
     stray_loss: Annotated[float, Quantity("W", "stray-load loss at stray_current and loss_speed")]

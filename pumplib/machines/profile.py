@@ -58,7 +58,13 @@ class Profile:
         return np.array([v for _, v in self.points])
 
     def breaks(self) -> Array:
-        """Times at which the value or its slope jumps, s."""
+        """Times at which the value or its slope jumps.
+
+        Returns
+        -------
+        ndarray
+            s.
+        """
         return self.times[1:] if self.kind == "steps" else self.times
 
     def sample(self, t: Array, start: float) -> Array:

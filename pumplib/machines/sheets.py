@@ -300,7 +300,7 @@ def load_motor(name: str | Path) -> Motor:
     ParameterError
         See `read_sheet`.
     """
-    return _load("motor", "motors", name)  # type: ignore[no-any-return]
+    return _load("motor", "motors", name)
 
 
 def load_losses(name: str | Path) -> MotorLosses:
@@ -320,7 +320,7 @@ def load_losses(name: str | Path) -> MotorLosses:
     ParameterError
         See `read_sheet`; also if the file has no table ``[losses]``.
     """
-    return _load("losses", "motors", name)  # type: ignore[no-any-return]
+    return _load("losses", "motors", name)
 
 
 def load_pump(name: str | Path) -> Pump:
@@ -340,7 +340,7 @@ def load_pump(name: str | Path) -> Pump:
     ParameterError
         See `read_sheet`.
     """
-    return _load("pump", "pumps", name)  # type: ignore[no-any-return]
+    return _load("pump", "pumps", name)
 
 
 def load_application(name: str | Path) -> Application:
@@ -360,4 +360,4 @@ def load_application(name: str | Path) -> Application:
     ParameterError
         See `read_sheet`; also if the file has no table ``[application]``.
     """
-    return _load("application", "pumps", name)  # type: ignore[no-any-return]
+    return _load("application", "pumps", name)

@@ -6,8 +6,13 @@ pass through `to_si` with the unit written beside them.
 
 import math
 from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from numpy.typing import NDArray
 
 from pumplib.errors import ParameterError
+
+Value = TypeVar("Value", float, NDArray[Any])
 
 RPM = 2 * math.pi / 60  # rad/s
 GRAVITY = 9.80665  # m/s2, standard gravity (exact by definition)
@@ -116,7 +121,7 @@ def si_unit(unit: str) -> str:
         raise ParameterError(f"unknown unit {unit!r}; write one of: {', '.join(_UNITS)}") from None
 
 
-def to_si(value: float, unit: str, expected: str | None = None) -> float:
+def to_si(value: Value, unit: str, expected: str | None = None) -> Value:
     """Convert `value` from `unit` to SI.
 
     Parameters
@@ -146,7 +151,7 @@ def to_si(value: float, unit: str, expected: str | None = None) -> float:
     return entry.factor * value + entry.offset
 
 
-def from_si(value: float, unit: str) -> float:
+def from_si(value: Value, unit: str) -> Value:
     """Convert an SI `value` to `unit`; the inverse of `to_si`.
 
     Parameters

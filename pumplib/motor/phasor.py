@@ -66,7 +66,7 @@ def steady_torque(motor: Motor, v_s: Array, omega_s: Array, omega: Array) -> Arr
     """
     i_s, i_m = steady_currents(motor, v_s, omega_s, omega)
     k_T = 1.5 * motor.z_p * motor.L_m_prime
-    return torque.py_func(i_s.real, i_s.imag, i_m.real, i_m.imag, k_T)  # type: ignore[no-any-return]
+    return torque.py_func(i_s.real, i_s.imag, i_m.real, i_m.imag, k_T)
 
 
 def power_gap(motor: Motor, v_s: complex, omega_s: float, omega: float, torque_speed: float) -> tuple[float, float]:

@@ -119,9 +119,7 @@ class Supply(Parameters):
     def _check_together(self) -> None:
         if self.frequency is not None:
             if self.frequency.kind != "lines" and len(self.frequency.points) > 1:
-                raise ParameterError(
-                    'Supply.frequency has steps: a drive ramps; use Profile(points, "lines").'
-                )
+                raise ParameterError('Supply.frequency has steps: a drive ramps; use Profile(points, "lines").')
             if self.frequency.values.min() < 0 or self.frequency.values.max() > 1000:
                 raise ParameterError(
                     f"Supply.frequency reaches {self.frequency.values.min():g}..{self.frequency.values.max():g} Hz: "
@@ -129,7 +127,13 @@ class Supply(Parameters):
                 )
 
     def breaks(self) -> Array:
-        """Times at which the voltage is not smooth, s."""
+        """Times at which the voltage is not smooth.
+
+        Returns
+        -------
+        ndarray
+            s.
+        """
         if self.frequency is None:
             return np.empty(0)
         breaks = self.frequency.breaks()
@@ -164,9 +168,7 @@ def grid(line_voltage_rms: float, frequency_hz: float = 50.0, *components: Compo
     ParameterError
         If a value is outside its limits.
     """
-    return Supply(
-        amplitude=line_voltage_rms * math.sqrt(2 / 3), rated_frequency=frequency_hz, components=components
-    )
+    return Supply(amplitude=line_voltage_rms * math.sqrt(2 / 3), rated_frequency=frequency_hz, components=components)
 
 
 def frequency_at(supply: Supply, t: Array) -> Array:
@@ -215,7 +217,7 @@ def angle_at(supply: Supply, t: Array) -> Array:
 
 
 def _phasor(angle: float, step: float, n: int, order: int, amplitude: complex) -> Array:
-    """amplitude exp(j order (angle + k step)) for k < n: exact angles every block, rotations within."""
+    """Samples amplitude exp(j order (angle + k step)) for k < n: exact angles every block, rotations within."""
     within = np.exp(1j * order * step * np.arange(_BLOCK))
     starts = amplitude * np.exp(1j * order * (angle + step * _BLOCK * np.arange(-(-n // _BLOCK))))
     return np.multiply.outer(starts, within).reshape(-1)[:n]

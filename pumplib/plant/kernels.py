@@ -69,9 +69,7 @@ def rk4_step(
 
 
 @kernel
-def run_one(
-    x: Any, v_d: Any, v_q: Any, K_v: Any, T_load: Any, h: float, every: int, c: Coefficients, out: Any
-) -> None:
+def run_one(x: Any, v_d: Any, v_q: Any, K_v: Any, T_load: Any, h: float, every: int, c: Coefficients, out: Any) -> None:
     """Simulate one machine; inputs at half steps, the state recorded at every `every`-th step.
 
     Parameters
@@ -136,9 +134,7 @@ def derivatives_along(x: Any, v_d: Any, v_q: Any, K_v: Any, T_load: Any, c: Coef
 
 
 @kernel
-def run_many(
-    x: Any, v_d: Any, v_q: Any, K_v: Any, T_load: Any, h: float, every: int, c: Any, out: Any
-) -> None:
+def run_many(x: Any, v_d: Any, v_q: Any, K_v: Any, T_load: Any, h: float, every: int, c: Any, out: Any) -> None:
     """Simulate blocks of `LANES` machines on the same inputs.
 
     Parameters

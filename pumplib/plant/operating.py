@@ -40,7 +40,13 @@ class OperatingPoint:
     i_m: complex
 
     def state(self) -> np.ndarray:
-        """State vector of the simulation at an instant when the voltage vector is real."""
+        """State vector of the simulation at an instant when the stator voltage vector is real.
+
+        Returns
+        -------
+        ndarray, shape (7,)
+            In the order and units of `pumplib.plant.STATES`.
+        """
         return np.array([
             self.i_s.real, self.i_s.imag, self.i_m.real, self.i_m.imag, self.omega, self.q, self.Q_p,
         ])  # fmt: skip

@@ -107,25 +107,25 @@ class Trajectory:
     def T_e(self) -> Array:
         """Electromagnetic torque (3.11), N m."""
         x = self.x
-        return torque.py_func(x[:, 0], x[:, 1], x[:, 2], x[:, 3], self.c.k_T)  # type: ignore[no-any-return]
+        return torque.py_func(x[:, 0], x[:, 1], x[:, 2], x[:, 3], self.c.k_T)
 
     @property
     def T_p(self) -> Array:
         """Steady part of the impeller torque (3.19), N m."""
         c = self.c
-        return impeller_torque.py_func(self.Q_i, self.omega, c.a_t0, c.a_t1, c.a_t2)  # type: ignore[no-any-return]
+        return impeller_torque.py_func(self.Q_i, self.omega, c.a_t0, c.a_t1, c.a_t2)
 
     @property
     def H_i(self) -> Array:
         """Pressure of the impellers (3.24), Pa."""
         c = self.c
         algebraic = impeller_pressure.py_func(self.Q_i, self.omega, c.a_h0, c.a_h1, c.a_h2)
-        return algebraic + c.c_H * self.dx[:, 4] if c.c_H else algebraic  # type: ignore[no-any-return]
+        return algebraic + c.c_H * self.dx[:, 4] if c.c_H else algebraic
 
     @property
     def H_p(self) -> Array:
         """Pressure between the flanges (3.25), Pa."""
-        return casing_pressure.py_func(self.H_i, self.Q_p, self.c.K_c)  # type: ignore[no-any-return]
+        return casing_pressure.py_func(self.H_i, self.Q_p, self.c.K_c)
 
     @property
     def dx(self) -> Array:

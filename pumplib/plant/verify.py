@@ -5,7 +5,7 @@ Each function runs one comparison and returns its numbers; the notebook of chapt
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +107,7 @@ def compare_phase_model(
 
     def voltage(t: float) -> Array:
         vector, zero = terminal_voltage(supply, t, 1.0, 1)
-        return to_phases(vector, zero)[0]  # type: ignore[no-any-return]
+        return np.asarray(to_phases(vector, zero)[0])
 
     phases = simulate_phases(motor, voltage, lambda w: k * w * abs(w), inertia=alone.inertia, t=dq.t, rtol=1e-12)
     peak = np.abs(dq.i_t).max()
@@ -123,7 +123,7 @@ def compare_phase_model(
     )
 
 
-def for_connection(motor: Motor, line_voltage_rms: float, connection: str) -> tuple[Motor, float]:
+def for_connection(motor: Motor, line_voltage_rms: float, connection: Literal["Y", "delta"]) -> tuple[Motor, float]:
     """The same windings in Y or delta with the phase-voltage amplitude that suits them.
 
     Parameters
@@ -225,8 +225,14 @@ def speed_ramps(amplitude: float, boost: float, rated_frequency: float, slew: fl
         s.
     """
     low, ramp = 0.6 * rated_frequency, 0.4 * rated_frequency / slew
-    points = ((0.0, low), (1.0, low), (1.0 + ramp, rated_frequency), (2.0 + ramp, rated_frequency))
-    points = (*points, (2.0 + 2 * ramp, low), (3.0 + 2 * ramp, low))
+    points = (
+        (0.0, low),
+        (1.0, low),
+        (1.0 + ramp, rated_frequency),
+        (2.0 + ramp, rated_frequency),
+        (2.0 + 2 * ramp, low),
+        (3.0 + 2 * ramp, low),
+    )
     supply = Supply(
         amplitude=amplitude, boost=boost, rated_frequency=rated_frequency, frequency=Profile(points, "lines")
     )
@@ -329,3 +335,33 @@ def affinity_spread(pump: Pump, omegas: Array, flow_per_speed: Array) -> float:
     head = impeller_pressure.py_func(w * s, w, pump.a_h0, pump.a_h1, pump.a_h2) / w**2
     twist = impeller_torque.py_func(w * s, w, pump.a_t0, pump.a_t1, pump.a_t2) / w**2
     return float(max(np.ptp(x, axis=0).max() / np.abs(x).max() for x in (head, twist)))
+
+
+def stages_error(machine: PumpSet, supply: Supply) -> float:
+    """Head and torque of n stages, added stage by stage along a start-up, against the model's n-stage coefficients.
+
+    Parameters
+    ----------
+    machine : PumpSet
+        The set; its pump has n stages.
+    supply : Supply
+        For the start-up.
+
+    Returns
+    -------
+    float
+        Largest difference of head and torque over their largest values.
+
+    References
+    ----------
+    Thesis 3.3 (the same structure describes a multistage pump); 3.3.5 is not in the surviving text.
+    """
+    pump = machine.pump
+    run = simulate(machine, supply, duration=0.5, every=10)
+    head, twist = np.zeros_like(run.t), np.zeros_like(run.t)
+    for _ in range(pump.stages):
+        # the outlet of one stage is the inlet of the next; all carry the flow Q_p and leak q of their own
+        head += impeller_pressure.py_func(run.Q_i, run.omega, pump.a_h0, pump.a_h1, pump.a_h2)
+        twist += impeller_torque.py_func(run.Q_i, run.omega, pump.a_t0, pump.a_t1, pump.a_t2)
+    pairs = ((head, run.H_i), (twist, run.T_p))
+    return float(max(np.abs(a - b).max() / np.abs(b).max() for a, b in pairs))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+from cycler import cycler
 from matplotlib.figure import Figure
 
 from pumplib.errors import ParameterError
@@ -30,7 +31,7 @@ PAGE = 7.2  # in, width of a page
 
 _RC: dict[str, Any] = {
     "axes.grid": True,
-    "axes.prop_cycle": matplotlib.cycler(
+    "axes.prop_cycle": cycler(
         color=[COLOURS[c] for c in ("blue", "red", "green", "purple", "orange", "sky", "black")]
     ),
     "axes.spines.right": False,
@@ -67,7 +68,7 @@ def style() -> Iterator[None]:
     """
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_RC)
+        matplotlib.rcParams.update(_RC)  # type: ignore[arg-type]
         yield
 
 

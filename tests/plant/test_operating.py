@@ -15,6 +15,7 @@ from pumplib.plant.verify import (
     compare_simplified,
     momentum_speed_error,
     speed_ramps,
+    stages_error,
     theoretical_power_error,
 )
 
@@ -94,6 +95,7 @@ def test_comparisons_of_the_notebook(machine: PumpSet) -> None:
     impeller, liquid = sheet.parts["impeller"], sheet.parts["liquid"]
     assert momentum_speed_error(machine, impeller, liquid, grid(400.0)) < 1e-9
     assert theoretical_power_error(impeller, liquid, 305.0, np.linspace(0, 3e-3, 20)) < 1e-12
+    assert stages_error(machine, grid(400.0)) < 1e-12
     assert affinity_spread(machine.pump, np.array([150.0, 305.0]), np.linspace(0, 9e-6, 20)) < 1e-12
 
 

@@ -115,16 +115,6 @@ def test_liquid_only_adds_inertia(machine: PumpSet) -> None:
     assert np.abs(a.omega - b.omega).max() < 1e-9 * np.abs(a.omega).max()
 
 
-def test_stages_in_series_add_head_and_torque(machine: PumpSet) -> None:
-    """Ten stages equal one stage with ten times the coefficients and the same leakage path."""
-    pump, n = machine.pump, machine.pump.stages
-    names = ("a_h0", "a_h1", "a_h2", "a_t0", "a_t1", "a_t2", "J_Mv", "K_Q")
-    lumped = dataclasses.replace(pump, stages=1, a=pump.a / n, **{name: n * getattr(pump, name) for name in names})
-    a = simulate(machine, grid(400.0), duration=0.4)
-    b = simulate(dataclasses.replace(machine, pump=lumped), grid(400.0), duration=0.4)
-    assert np.allclose(a.x, b.x, rtol=1e-9, atol=1e-12)
-
-
 def test_closed_valve_and_dead_motor_stay_finite(machine: PumpSet) -> None:
     closed = simulate(machine, grid(400.0), duration=0.5, valve=1e15)
     assert 0 <= closed.Q_p[-1] < 3e-5
