@@ -5,8 +5,10 @@ old machine code. The cache folder is therefore named by a hash of all sources o
 """
 
 import hashlib
+import importlib
 import os
 import shutil
+import sys
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
@@ -49,6 +51,25 @@ os.environ["NUMBA_CACHE_DIR"] = str(_cache_folder())
 
 import numba  # noqa: E402  (reads NUMBA_CACHE_DIR when imported)
 
+
+def _load_without_blas_check() -> None:
+    """Load numba's array functions without importing scipy.linalg, which only checks that it is there.
+
+    The check takes a fifth of a second in every process; scipy is among our requirements.
+    """
+    if "scipy" in sys.modules or "numba.np.arraymath" in sys.modules:
+        return
+    modules: dict[str, Any] = sys.modules  # None makes an import fail at once
+    modules["scipy"] = None
+    try:
+        arraymath: Any = importlib.import_module("numba.np.arraymath")
+    finally:
+        del modules["scipy"]
+    if hasattr(arraymath, "_HAVE_BLAS"):
+        arraymath._HAVE_BLAS = True  # as the check would have found
+
+
+_load_without_blas_check()
 vars(numba.config)["CACHE_DIR"] = os.environ["NUMBA_CACHE_DIR"]  # for a numba that was imported before us
 
 # Fused multiply-add is what a C compiler does by default; reordering of sums is not allowed.

@@ -1,4 +1,4 @@
-"""Every committed figure is what its notebook draws: the same bytes on the same platform, the same picture elsewhere."""
+"""Every committed figure is what its notebook draws: the same bytes on the same platform, or the same picture."""
 
 import json
 import shutil

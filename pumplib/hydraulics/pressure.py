@@ -113,19 +113,19 @@ def casing_pressure(impeller: float, Q: float, K_c: float) -> float:
 
 
 @inline
-def flow_derivative(Q: float, H_p: float, p_static: float, K: float, inv_K_p: float) -> float:
-    """Rate of change of the pump flow in the application.
+def flow_derivative(Q: float, impeller: float, p_static: float, K: float, inv_K_p: float) -> float:
+    """Rate of change of the pump flow in casing and application.
 
     Parameters
     ----------
     Q : float
         Flow Q_p, m3/s.
-    H_p : float
-        Pump pressure, Pa.
+    impeller : float
+        Pressure of the impellers, Pa.
     p_static : float
         Static back pressure, Pa.
     K : float
-        Loss coefficient of pipe and valve, Pa s2/m6.
+        Loss coefficient of casing, pipe and valve together, Pa s2/m6.
     inv_K_p : float
         1/K_p, m3/(Pa s2); zero holds the flow.
 
@@ -136,6 +136,6 @@ def flow_derivative(Q: float, H_p: float, p_static: float, K: float, inv_K_p: fl
 
     References
     ----------
-    Reconstructed (thesis 3.5 is not in the surviving text).
+    Thesis (3.25) for the casing; the application is reconstructed (thesis 3.5 is not in the surviving text).
     """
-    return inv_K_p * (H_p - p_static - K * Q * abs(Q))
+    return inv_K_p * (impeller - (p_static + K * Q * abs(Q)))

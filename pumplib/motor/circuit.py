@@ -85,7 +85,7 @@ class OperatingPoint:
     @property
     def speed_rpm(self) -> Array:
         """Shaft speed, rpm."""
-        return np.asarray(from_si(self.omega, "rpm"))  # type: ignore[arg-type]
+        return np.asarray(from_si(self.omega, "rpm"))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

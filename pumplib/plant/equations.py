@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 from pumplib.errors import ParameterError
 from pumplib.hydraulics.pressure import (
-    casing_pressure,
     flow_derivative,
     impeller_pressure,
     impeller_torque,
@@ -52,6 +51,7 @@ class Coefficients(NamedTuple):
     inv_K_p: float
     B: float
     K_Q: float
+    K_Q_J: float  # K_Q / J
     inv_J: float  # with the liquid, and with the reciprocal coupling solved for domega/dt
     c_Q: float  # dQ_p/dt per domega/dt, zero without the reciprocal term
     c_q: float  # dq/dt per domega/dt
@@ -123,6 +123,7 @@ def coefficients(
         inv_K_p=inv_K_p,
         B=machine.friction,
         K_Q=K_Q,
+        K_Q_J=K_Q / inertia,
         inv_J=1 / inertia,
         c_Q=c_H * inv_K_p,
         c_q=c_H * a * inv_K_J,
@@ -167,9 +168,11 @@ def derivatives(
     Q_i = Q_p + q
     pressure = impeller_pressure(Q_i, omega, c.a_h0, c.a_h1, c.a_h2)
     dq = leakage_derivative(q, pressure, c.a, c.K_l, c.inv_K_J)
-    H_p = casing_pressure(pressure, Q_p, c.K_c)
-    dQ = flow_derivative(Q_p, H_p, c.p_static, K_v + c.K_pipe, c.inv_K_p)
+    dQ = flow_derivative(Q_p, pressure, c.p_static, c.K_c + c.K_pipe + K_v, c.inv_K_p)
     T_e = torque(i_sd, i_sq, i_md, i_mq, c.k_T)
     T_p = impeller_torque(Q_i, omega, c.a_t0, c.a_t1, c.a_t2)
-    domega = c.inv_J * (T_e - c.B * omega - T_p - T_load + c.K_Q * (dQ + dq))
-    return di_sd, di_sq, di_md, di_mq, domega, dq + c.c_q * domega, dQ + c.c_Q * domega
+    domega = c.inv_J * (T_e - c.B * omega - T_p - T_load) + c.K_Q_J * (dQ + dq)
+    if c.c_H != 0.0:  # a branch that is never taken costs less than two products that are always zero
+        dq += c.c_q * domega
+        dQ += c.c_Q * domega
+    return di_sd, di_sq, di_md, di_mq, domega, dq, dQ

@@ -178,7 +178,7 @@ def run_many(x: Any, v_d: Any, v_q: Any, K_v: Any, T_load: Any, h: float, every:
                             b[p + 320 + m], b[p + 352 + m], b[p + 384 + m], b[p + 416 + m], b[p + 448 + m],
                             b[p + 480 + m], b[p + 512 + m], b[p + 544 + m], b[p + 576 + m], b[p + 608 + m],
                             b[p + 640 + m], b[p + 672 + m], b[p + 704 + m], b[p + 736 + m], b[p + 768 + m],
-                            b[p + 800 + m],
+                            b[p + 800 + m], b[p + 832 + m],
                         ),
                     )  # fmt: skip
                     b[m] = s0

@@ -31,9 +31,7 @@ PAGE = 7.2  # in, width of a page
 
 _RC: dict[str, Any] = {
     "axes.grid": True,
-    "axes.prop_cycle": cycler(
-        color=[COLOURS[c] for c in ("blue", "red", "green", "purple", "orange", "sky", "black")]
-    ),
+    "axes.prop_cycle": cycler(color=[COLOURS[c] for c in ("blue", "red", "green", "purple", "orange", "sky", "black")]),
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlesize": 9,

@@ -121,7 +121,7 @@ class Pool:
 
     def kill(self) -> None:
         """End all workers and their kernels."""
-        import psutil  # type: ignore[import-untyped]
+        import psutil
 
         for run in self.running.values():
             with contextlib.suppress(psutil.Error):

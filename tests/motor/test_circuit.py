@@ -131,9 +131,7 @@ def test_round_trip(motor: Motor, with_losses: bool, core_at: str, load: float, 
     assert 0 <= float(forward.slip) <= float(top.slip)
     reached = forward.power_shaft if by_power else forward.torque_shaft
     assert float(reached) == pytest.approx(value, rel=1e-9)
-    back = from_electrical(
-        motor, losses, voltage, forward.current_line_rms, f, forward.power_factor, core_at=core_at
-    )
+    back = from_electrical(motor, losses, voltage, forward.current_line_rms, f, forward.power_factor, core_at=core_at)
     for field in FIELDS:
         assert float(getattr(back, field)) == pytest.approx(float(getattr(forward, field)), rel=1e-9), field
 

@@ -1,0 +1,1 @@
+"""Thesis, all chapters: speed of the package against other tools; `python -m benchmarks`."""
