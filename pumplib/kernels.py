@@ -57,14 +57,14 @@ def _load_without_blas_check() -> None:
 
     The check takes a fifth of a second in every process; scipy is among our requirements.
     """
-    if "scipy" in sys.modules or "numba.np.arraymath" in sys.modules:
+    if "scipy.linalg" in sys.modules or "numba.np.arraymath" in sys.modules:
         return
     modules: dict[str, Any] = sys.modules  # None makes an import fail at once
-    modules["scipy"] = None
+    modules["scipy.linalg"] = None
     try:
         arraymath: Any = importlib.import_module("numba.np.arraymath")
     finally:
-        del modules["scipy"]
+        del modules["scipy.linalg"]
     if hasattr(arraymath, "_HAVE_BLAS"):
         arraymath._HAVE_BLAS = True  # as the check would have found
 

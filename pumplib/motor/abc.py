@@ -93,8 +93,11 @@ def inductance(motor: Motor, theta_e: float) -> Array:
     Thesis (3.2), (3.3).
     """
     own, cross = mutual_inductance(motor, 0.0), mutual_inductance(motor, theta_e)
-    eye = np.eye(3)
-    return np.block([[motor.L_ls * eye + own, cross], [cross.T, motor.L_lr * eye + own]])
+    L = np.empty((6, 6))
+    L[:3, :3] = motor.L_ls * np.eye(3) + own
+    L[3:, 3:] = motor.L_lr * np.eye(3) + own
+    L[:3, 3:], L[3:, :3] = cross, cross.T
+    return L
 
 
 def inductance_slope(motor: Motor, theta_e: float) -> Array:
@@ -113,8 +116,9 @@ def inductance_slope(motor: Motor, theta_e: float) -> Array:
         H/rad.
     """
     cross = -motor.L_m / 1.5 * np.sin(theta_e + _SHIFT)
-    zero = np.zeros((3, 3))
-    return np.block([[zero, cross], [cross.T, zero]])
+    slope = np.zeros((6, 6))
+    slope[:3, 3:], slope[3:, :3] = cross, cross.T
+    return slope
 
 
 def phase_derivatives(

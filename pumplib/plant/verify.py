@@ -74,7 +74,7 @@ def motor_alone(machine: PumpSet, load: float = 0.0) -> PumpSet:
 
 
 def compare_phase_model(
-    machine: PumpSet, supply: Supply, *, duration: float = 0.08, step: float = 5e-6, sample: float = 1e-4
+    machine: PumpSet, supply: Supply, *, duration: float = 0.04, step: float = 5e-6, sample: float = 1e-4
 ) -> PhaseComparison:
     """Start the motor direct on line in dq and in phase coordinates and compare.
 

@@ -97,6 +97,8 @@ def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     with style():
+        figure.draw_without_rendering()  # lays the figure out once for both files
+        figure.set_layout_engine("none")
         for kind, metadata in (("svg", {"Date": None, "Creator": None}), ("png", {"Software": None})):
             path = folder / f"{name}.{kind}"
             buffer = io.BytesIO()
