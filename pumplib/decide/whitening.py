@@ -244,8 +244,8 @@ def whiten_run(x, mean, table, ratio, order, seen, past, out):  # type: ignore[n
 
     Parameters
     ----------
-    x, out : ndarray, shape (n, channels)
-        Samples and whitened samples.
+    x : ndarray, shape (n, channels)
+        Samples.
     mean : ndarray, shape (channels,)
         Healthy means.
     table : ndarray, shape (channels, p+1, p)
@@ -258,6 +258,8 @@ def whiten_run(x, mean, table, ratio, order, seen, past, out):  # type: ignore[n
         Samples before this block.
     past : ndarray, shape (channels, p)
         Latest samples without mean, newest first; changed.
+    out : ndarray, shape (n, channels)
+        Receives the whitened samples.
     """
     for c in range(x.shape[1]):
         p = order[c]

@@ -154,10 +154,10 @@ def wire(axes: Axes, points: Points, colour: str = INK, width: float = 1.0, line
         in.
     colour : str
         Colour.
-    line : str or tuple
-        Line style.
     width : float
         pt.
+    line : str or tuple
+        Line style.
     **more
         Passed to ``Axes.plot``.
     """
@@ -216,10 +216,10 @@ def arrow(
         Line, in.
     colour : str
         Colour.
-    line : str or tuple
-        Line style; the head is always solid.
     width : float
         pt; 0 for the head alone, on a wire.
+    line : str or tuple
+        Line style; the head is always solid.
     head : float
         Length of the head, in.
     both : bool
