@@ -113,15 +113,15 @@ class Point(NamedTuple):
 
 
 @inline
-def magnetising(size: float, psi_r: float, m: float, c: Constants) -> float:
-    """Inverse main inductance at the present flux, by Newton's method.
+def magnetising(size2: float, psi_r2: float, m: float, c: Constants) -> float:
+    """Inverse main inductance at the present flux.
 
     Parameters
     ----------
-    size : float
-        |psi_s/L_ls + psi_r/L_lr|, A.
-    psi_r : float
-        |psi_r|, V s.
+    size2 : float
+        |psi_s/L_ls + psi_r/L_lr|^2, A2.
+    psi_r2 : float
+        |psi_r|^2, (V s)2.
     m : float
         Permeance factor.
     c : Constants
@@ -132,24 +132,24 @@ def magnetising(size: float, psi_r: float, m: float, c: Constants) -> float:
     float
         i_mu / psi_m, 1/H.
     """
-    leak = c.inv_L_ls + c.inv_L_lr
+    g = m * c.inv_L_m
     if c.sat_6 == 0.0:
-        return m * c.sat_0 * c.inv_L_m
+        return g * c.sat_0
+    scale = c.inv_sat_psi * c.inv_sat_psi
     if c.sat_rotor > 0.5:
-        x = psi_r * c.inv_sat_psi
-        x2 = x * x
-        return m * c.inv_L_m * (c.sat_0 + c.sat_6 * x2 * x2 * x2)
-    # |psi_m| solves psi (leak + m/L_m (sat_0 + sat_6 (psi/sat_psi)^6)) = size; convex, so Newton from above converges
-    psi = size / (leak + m * c.inv_L_m * c.sat_0)
-    for _ in range(3):
-        x = psi * c.inv_sat_psi
-        x2 = x * x
-        x6 = c.sat_6 * x2 * x2 * x2
-        g = m * c.inv_L_m
-        psi -= (psi * (leak + g * (c.sat_0 + x6)) - size) / (leak + g * (c.sat_0 + 7.0 * x6))
-    x = psi * c.inv_sat_psi
-    x2 = x * x
-    return m * c.inv_L_m * (c.sat_0 + c.sat_6 * x2 * x2 * x2)
+        x2 = psi_r2 * scale
+        return g * (c.sat_0 + c.sat_6 * x2 * x2 * x2)
+    # |psi_m| solves psi (leak + g (sat_0 + sat_6 (psi/sat_psi)^6)) = size. The leakage term dominates, so the
+    # equation is nearly linear and Newton's method from the rotor's flux needs two steps.
+    leak = c.inv_L_ls + c.inv_L_lr + g * c.sat_0
+    size = size2**0.5
+    psi = size / (leak + g * c.sat_6 * psi_r2 * psi_r2 * psi_r2 * scale * scale * scale)
+    for _ in range(2):
+        x2 = psi * psi * scale
+        x6 = g * c.sat_6 * x2 * x2 * x2
+        psi = (size + 6.0 * x6 * psi) / (leak + 7.0 * x6)
+    x2 = psi * psi * scale
+    return g * (c.sat_0 + c.sat_6 * x2 * x2 * x2)
 
 
 @inline
@@ -213,7 +213,7 @@ def rates(
     m = 1.0 + c.perm_1 * cos_t + c.perm_n * cos_n
     w_d = psi_sd * c.inv_L_ls + psi_rd * c.inv_L_lr
     w_q = psi_sq * c.inv_L_ls + psi_rq * c.inv_L_lr
-    g = magnetising((w_d * w_d + w_q * w_q) ** 0.5, (psi_rd * psi_rd + psi_rq * psi_rq) ** 0.5, m, c)
+    g = magnetising(w_d * w_d + w_q * w_q, psi_rd * psi_rd + psi_rq * psi_rq, m, c)
     share = 1.0 / (c.inv_L_ls + c.inv_L_lr + g)
     psi_md, psi_mq = share * w_d, share * w_q
     i_d, i_q = c.inv_L_ls * (psi_sd - psi_md), c.inv_L_ls * (psi_sq - psi_mq)

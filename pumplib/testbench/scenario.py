@@ -273,7 +273,7 @@ def _stator_course(scenario: Scenario, rng: Generator) -> Course:
         slope = 10.0 * rng.choice((-1.0, 1.0))
         end = _tick(min(duration, start + 1.0))
         last = float(np.clip(hertz + slope * (end - start), 30.0, 50.0))
-        end = max(_tick(start + abs(last - hertz) / 10.0), start + _TICK)
+        end = _ramp_end(start, abs(last - hertz) / 10.0)
         frequency = Profile(((0.0, hertz), (start, hertz), (end, last)), "lines")
     elif kind == "torque_step":
         torque = Profile(((0.0, load), (start, load * rng.uniform(0.5, 1.5))))
@@ -307,7 +307,7 @@ def _pump_course(scenario: Scenario, rng: Generator) -> Course:
         # 20 Hz/s; a change in both quantities at once, as the profile's twelve changes of speed and valve
         points += [
             (start, float(before)),
-            (max(_tick(start + abs(after - before) / 20.0), start + _TICK), float(after)),
+            (_ramp_end(start, abs(after - before) / 20.0), float(after)),
         ]
     openings = tuple(zip((0.0, *times), map(float, valve), strict=True))
     drift = rng.uniform(-0.04, 0.08)
@@ -339,3 +339,8 @@ def _pump_course(scenario: Scenario, rng: Generator) -> Course:
 
 def _tick(t: float) -> float:
     return round(t / _TICK) * _TICK
+
+
+def _ramp_end(start: float, length: float) -> float:
+    """End of a ramp on the next millisecond, so that it is never steeper than it may be."""
+    return start + max(1, math.ceil(length / _TICK)) * _TICK
