@@ -27,7 +27,7 @@ _EPILOG = """exit codes:
 examples:
   python -m pumplib workbook --jobs 4
   python -m pumplib workbook --only 03_model --force
-  python -m pumplib run 03_model -p load_torque_nm 3 -p connection Y
+  python -m pumplib run 03_model -p load_torque_nm 3 -p motor im_2k2
 """
 
 

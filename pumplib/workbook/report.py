@@ -47,6 +47,12 @@ figure img { width: 100%; height: auto; background: #fff; }
 .notebook img { max-width: 100%; height: auto; background: #fff; }
 .notebook .prompt { color: var(--soft); font-size: .75rem; }
 .notebook table { display: block; overflow-x: auto; }
+@media (min-width: 48rem) {
+  table.cards th, table.cards td { overflow-wrap: break-word; }
+  table.cards td:first-child, table.cards td[data-name="Time"], table.cards td[data-name="Status"],
+  table.cards td[data-name="Value"] { white-space: nowrap; }
+  table.cards td[data-name="Statement"], table.cards td[data-name="Note"] { min-width: 16rem; }
+}
 @media (max-width: 48rem) {
   table.cards thead { display: none; }
   table.cards tr { display: block; border: 1px solid var(--line); border-radius: 4px; margin-bottom: .6rem; }
