@@ -13,7 +13,7 @@ from pumplib.machines.profiles import load_profile
 from pumplib.machines.quantity import Parameters, Quantity
 from pumplib.testbench.machine import BenchMachine
 from pumplib.testbench.scenario import Course, Scenario, draw_course, draw_machine, load_scenario
-from pumplib.testbench.sensors import FastSignals, SensorFault, SensorSet, measure, sensor_set
+from pumplib.testbench.sensors import CHANNELS, FastSignals, SensorFault, SensorSet, measure, sensor_set
 from pumplib.testbench.simulate import STEP, TICK_SECONDS, Truth, simulate_bench, start_state
 from pumplib.testbench.slow import SlowSignals, slow_signals
 
@@ -149,7 +149,7 @@ def run(
     extras : Extras, optional
         What goes beyond the profile.
     sensor_faults : dict, optional
-        By channel, "v_a" ... "i_c".
+        By channel, "v_a" ... "i_c", "H", "Q".
 
     Returns
     -------
@@ -254,25 +254,37 @@ def read(
     extras : Extras, optional
         What goes beyond the profile.
     faults : dict, optional
-        Sensor faults by electrical channel, "v_a" ... "i_c".
+        Sensor faults by channel, "v_a" ... "i_c", "H", "Q".
 
     Returns
     -------
     FastSignals
+
+    Raises
+    ------
+    ParameterError
+        If a faulty channel does not exist.
     """
-    names = ("v_a", "v_b", "v_c", "i_a", "i_b", "i_c")
-    by_channel = {names.index(name): fault for name, fault in (faults or {}).items()}
-    electrical, _ = measure(sensors.electrical, truth.fast[:, :6], STEP, rng, faults=by_channel)
+    groups: tuple[dict[int, SensorFault], dict[int, SensorFault]] = ({}, {})
+    for name, fault in (faults or {}).items():
+        if name not in sensors.channels:
+            raise ParameterError(
+                f"sensor fault on {name!r}: this bench has the channels {', '.join(sensors.channels)}."
+            )
+        place = CHANNELS.index(name)
+        groups[place // 6][place % 6] = fault
+    electrical, _ = measure(sensors.electrical, truth.fast[:, :6], STEP, rng, faults=groups[0])
     H = Q = None
     rate = 1 / TICK_SECONDS
     if sensors.pressure is not None and sensors.flow is not None:
         pressure = truth["H_p"]
         if extras is not None and extras.cavitation_noise > 0:
             pressure = pressure + extras.cavitation_noise * truth["f_c"] * rng.standard_normal(len(pressure))
-        both, _ = measure(sensors.hydraulic, np.stack((pressure, truth["Q"]), 1), TICK_SECONDS, rng)
-        H, Q, rate = both[:, 0], both[:, 1], sensors.pressure.rate
+        signals = np.stack((pressure, truth["Q"]), 1)
+        both, _ = measure(sensors.hydraulic, signals, TICK_SECONDS, rng, faults=groups[1])
+        H, Q, rate = both[:, 0], both[:, 1], sensors.pressure.rate or rate
     return FastSignals(
-        rate=sensors.electrical[0].rate,
+        rate=sensors.electrical[0].rate or 1 / STEP,
         voltage=electrical[:, :3],
         current=electrical[:, 3:],
         hydraulic_rate=rate,

@@ -268,7 +268,8 @@ def _stator_course(scenario: Scenario, rng: Generator) -> Course:
         kind = ("steady", "ramp", "torque_step")[int(rng.integers(3))]
     hertz, load = rng.uniform(30.0, 50.0), rng.uniform(0.6, 1.1)
     start = _tick(rng.uniform(0.2, 0.7) * duration)
-    frequency, torque, changes = Profile(((0.0, hertz),), "lines"), Profile(((0.0, load),)), (start,)
+    frequency, torque = Profile(((0.0, hertz),), "lines"), Profile(((0.0, load),))
+    changes: tuple[float, ...] = (start,)
     if kind == "ramp":
         slope = 10.0 * rng.choice((-1.0, 1.0))
         end = _tick(min(duration, start + 1.0))

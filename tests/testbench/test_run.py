@@ -159,7 +159,8 @@ def test_phases_of_a_short() -> None:
 @pytest.mark.parametrize(
     ("kind", "size", "sign_H", "sign_Q"),
     [
-        ("clogging", 3e10, -1, -1), ("leakage", 2e-7, -1, -1), ("cavitation", 0.2, -1, -1), ("dry_running", 0.9, -1, -1),
+        ("clogging", 3e10, -1, -1), ("leakage", 2e-7, -1, -1), ("cavitation", 0.2, -1, -1),
+        ("dry_running", 0.9, -1, -1),
         ("inlet_obstruction", 2e11, 1, -1), ("outlet_leak", 4e-7, -1, -1),
     ],
 )  # fmt: skip
@@ -213,6 +214,14 @@ def test_cavitation_noise_and_sensor_faults_are_extras() -> None:
     stuck = read(bench.sensors, truth, np.random.default_rng(2), faults={"i_b": SensorFault(kind="stuck", onset=1.0)})
     assert np.ptp(stuck.current[12_000:, 1]) == 0.0
     assert np.array_equal(stuck.current[:, 0], plain.current[:, 0])
+    drift = read(
+        bench.sensors, truth, np.random.default_rng(2), faults={"Q": SensorFault(kind="drift", onset=1.0, size=1e-4)}
+    )
+    assert drift.Q is not None
+    assert plain.Q is not None
+    assert np.mean((drift.Q - plain.Q)[-100:]) == pytest.approx(1e-4 * 0.95, rel=0.02)
+    with pytest.raises(ParameterError, match="sensor fault on 'p': this bench has the channels v_a"):
+        read(bench.sensors, truth, np.random.default_rng(2), faults={"p": SensorFault(kind="stuck", onset=1.0)})
 
 
 @pytest.mark.parametrize(
