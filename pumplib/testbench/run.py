@@ -11,9 +11,11 @@ from pumplib.errors import ParameterError
 from pumplib.machines.profile import Profile
 from pumplib.machines.profiles import load_profile
 from pumplib.machines.quantity import Parameters, Quantity
+from pumplib.testbench.data_sheets import sensor_set
 from pumplib.testbench.machine import BenchMachine
+from pumplib.testbench.measurement import measure
 from pumplib.testbench.scenario import Course, Scenario, draw_course, draw_machine, load_scenario
-from pumplib.testbench.sensors import CHANNELS, FastSignals, SensorFault, SensorSet, measure, sensor_set
+from pumplib.testbench.sensors import CHANNELS, FastSignals, SensorFault, SensorSet
 from pumplib.testbench.simulate import STEP, TICK_SECONDS, Truth, simulate_bench, start_state
 from pumplib.testbench.slow import SlowSignals, slow_signals
 

@@ -14,25 +14,19 @@ from scipy import signal, stats
 from pumplib.errors import DataError, ParameterError
 from pumplib.machines.profiles import load_profile
 from pumplib.testbench import sensors as module
-from pumplib.testbench.filters import BLOCK, filter_coefficients
-from pumplib.testbench.sensors import (
-    Sensor,
-    SensorFault,
-    SensorSet,
-    SensorSpread,
+from pumplib.testbench.data_sheets import (
     current_probe,
-    draw,
     flow_meter,
     ideal_sensors,
-    measure,
-    measure_set,
     pressure_transmitter,
     pump_current_sensor,
-    saturated,
     sensor_set,
     sensor_spreads,
     voltage_probe,
 )
+from pumplib.testbench.filters import BLOCK, filter_coefficients
+from pumplib.testbench.measurement import measure, measure_set
+from pumplib.testbench.sensors import Sensor, SensorFault, SensorSet, SensorSpread, draw, saturated
 
 DT = 1e-4
 LSB = 20 / 2048

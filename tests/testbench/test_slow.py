@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from pumplib.errors import DataError, ParameterError
 from pumplib.machines.profiles import load_profile
 from pumplib.motor.frames import to_phases
-from pumplib.testbench.sensors import FastSignals, measure_set, sensor_set
+from pumplib.testbench.data_sheets import sensor_set
+from pumplib.testbench.measurement import measure_set
+from pumplib.testbench.sensors import FastSignals
 from pumplib.testbench.slow import SlowSignals, slow_signals
 
 RATE = 1e4
