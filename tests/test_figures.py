@@ -32,6 +32,14 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return layout.figures
 
 
+def test_every_figure_is_shown_in_its_notebook(drawn: Path) -> None:
+    for notebook in NOTEBOOKS:
+        executed = json.loads((drawn.parent / "build" / "notebooks" / f"{notebook}.ipynb").read_text(encoding="utf-8"))
+        outputs = [out for cell in executed["cells"] for out in cell.get("outputs", [])]
+        shown = sum("image/png" in out.get("data", {}) for out in outputs)
+        assert shown == sum(entry.notebook == notebook for entry in INDEX.values()), notebook
+
+
 def difference(a: Path, b: Path) -> float:
     """Root mean square difference of two pictures, 0..1."""
     first, second = imread(a), imread(b)

@@ -138,7 +138,8 @@ class Notebook:
                 raise ParameterError(f"figure {figure_id!r} is saved twice in this run; give each its own id")
         folder = self.folder / "figures"
         folder.mkdir(parents=True, exist_ok=True)
-        plots.save_figure(figure, folder, figure_id)
+        _, png = plots.save_figure(figure, folder, figure_id)
+        _show(png, figure)
         if figure_id not in self._figures:
             self._figures.append(figure_id)
         write_json(self.folder / "figures.json", self._figures)
