@@ -60,6 +60,7 @@ class BenchPicture:
             fixed = PlaceHolderLayoutEngine(adjust_compatible=True, colorbar_gridspec=True)
             self.figure = (plt.figure if shown else Figure)(figsize=(PAGE, 5.0), layout=fixed)
             self.figure.subplots_adjust(left=0.075, right=0.985, bottom=0.085, top=0.885, hspace=0.42, wspace=0.24)
+            self._canvas: FigureCanvasAgg | None = None
             self._axes: list[Axes] = list(
                 self.figure.subplots(_ROWS, _COLUMNS, sharex=True).ravel(order="F")  # first column, then second
             )
@@ -73,7 +74,10 @@ class BenchPicture:
             self._onsets = [ax.axvline(0.0, color=COLOURS["black"], lw=1.0, ls=LINES[3]) for ax in self._axes]
             for ax in self._axes:
                 ax.ticklabel_format(axis="y", useOffset=False)
-                ax.locator_params(axis="y", nbins=5)
+                ax.locator_params(axis="y", nbins=4)
+                # given places save the search for free ones
+                ax.xaxis.set_label_coords(0.5, -0.22)
+                ax.yaxis.set_label_coords(-0.1, 0.5)
             for ax in self._axes[_ROWS - 1 :: _ROWS]:
                 ax.set_xlabel("time / s")
             self._axes[0].set_xlim(0.0, duration)
@@ -101,7 +105,7 @@ class BenchPicture:
             self._headline.set_text(headline)
             for ax, line, panel in zip(self._axes, self._lines, panels, strict=True):
                 line.set_data(panel.t, panel.y)
-                ax.set_title(panel.title, y=1.0)  # a given height saves the search for a free one
+                ax.set_title(panel.title, y=1.0)  # likewise
                 ax.set_ylim(_limits(panel))
             for mark in self._onsets:
                 mark.set_visible(onset is not None)
@@ -118,12 +122,12 @@ class BenchPicture:
         bytes
             A PNG file; equal signals give equal bytes.
         """
+        # one canvas for all drawings: it remembers how wide every text is
+        self._canvas = self._canvas or FigureCanvasAgg(self.figure)
         buffer = io.BytesIO()
         with style():
             # the canvas draws once where savefig draws twice; little compression: the time counts, not the size
-            FigureCanvasAgg(self.figure).print_png(
-                buffer, metadata={"Software": None}, pil_kwargs={"compress_level": 1}
-            )
+            self._canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs={"compress_level": 1})
         return buffer.getvalue()
 
 
