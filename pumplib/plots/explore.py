@@ -74,9 +74,9 @@ class BenchPicture:
             self._onsets = [ax.axvline(0.0, color=COLOURS["black"], lw=1.0, ls=LINES[3]) for ax in self._axes]
             for ax in self._axes:
                 ax.ticklabel_format(axis="y", useOffset=False)
-                ax.locator_params(axis="y", nbins=4)
+                ax.locator_params(axis="y", nbins=5)
                 # given places save the search for free ones
-                ax.xaxis.set_label_coords(0.5, -0.22)
+                ax.xaxis.set_label_coords(0.5, -0.26)
                 ax.yaxis.set_label_coords(-0.1, 0.5)
             for ax in self._axes[_ROWS - 1 :: _ROWS]:
                 ax.set_xlabel("time / s")
