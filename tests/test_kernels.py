@@ -1,9 +1,11 @@
 """numba settings: the cache is keyed by the sources, and loading numba lightly takes nothing from its users."""
 
+import os
 import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 from pumplib import kernels
 
@@ -24,26 +26,80 @@ def test_numba_keeps_its_linear_algebra() -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_cache_folder_is_named_by_the_sources(monkeypatch, tmp_path) -> None:
-    (tmp_path / "a.py").write_text("x = 1")
-    monkeypatch.setattr(kernels, "_PACKAGE", tmp_path)
-    kernels.sources_hash.cache_clear()
-    first = kernels.sources_hash()
-    (tmp_path / "a.py").write_text("x = 2")
-    kernels.sources_hash.cache_clear()
-    assert kernels.sources_hash() != first
+@pytest.fixture
+def package(monkeypatch, tmp_path):
+    """A package of three modules: `top` imports `middle`, `middle` imports `low`; `other` stands apart."""
+    folder = tmp_path / "pack"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    (folder / "top.py").write_text("from pack.middle import twice\n")
+    (folder / "middle.py").write_text("def later():\n    from pack import low\n    return low\n")
+    (folder / "low.py").write_text("x = 1\n")
+    (folder / "other.py").write_text("y = 1\n")
+    monkeypatch.setattr(kernels, "_PACKAGE", folder)
+    monkeypatch.setenv("PUMPLIB_CACHE", str(tmp_path / "cache"))
+    forget()
+    yield folder
     monkeypatch.undo()
-    kernels.sources_hash.cache_clear()
+    forget()
 
 
-def test_only_the_latest_caches_are_kept(monkeypatch, tmp_path) -> None:
-    monkeypatch.setenv("PUMPLIB_CACHE", str(tmp_path))
-    for k in range(5):
-        (tmp_path / "numba" / f"old{k}").mkdir(parents=True)
-    folder = kernels._cache_folder()
-    assert folder.parent == tmp_path / "numba"
+def forget() -> None:
+    for cached in (kernels._imported, kernels.sources_hash, kernels._cache_folder):
+        cached.cache_clear()
+
+
+@pytest.mark.parametrize(("edited", "noticed"), [("top", True), ("middle", True), ("low", True), ("other", False)])
+def test_cache_folder_follows_what_a_module_imports(package, edited: str, noticed: bool) -> None:
+    before = kernels._cache_folder(package / "top.py")
+    with (package / f"{edited}.py").open("a") as file:
+        file.write("z = 2\n")
+    forget()
+    assert (kernels._cache_folder(package / "top.py") != before) is noticed
+
+
+def test_only_the_latest_caches_of_a_module_are_kept(package) -> None:
+    for k in range(6):
+        (package / "low.py").write_text(f"x = {k}\n")
+        forget()
+        folder = kernels._cache_folder(package / "top.py")
     assert folder.is_dir()
     assert len(list(folder.parent.iterdir())) == kernels._KEPT
+
+
+EDITED = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from outer import f
+print(f(3.0))
+"""
+
+
+def test_an_edit_in_a_helper_of_another_module_is_noticed(tmp_path) -> None:
+    """End to end, with real kernels: numba alone returns the old result here."""
+    source = (
+        "from pathlib import Path\nfrom pumplib import kernels\n"
+        f"kernels._PACKAGE = Path({str(tmp_path / 'bits')!r})\nfrom bits.helper import g\n\n"
+        "@kernels.kernel\ndef f(x):\n    return g(x)\n"
+    )
+    (tmp_path / "bits").mkdir()
+    (tmp_path / "bits" / "__init__.py").write_text("")
+    (tmp_path / "outer.py").write_text(source)
+    answers = []
+    for factor in (2, 5):
+        (tmp_path / "bits" / "helper.py").write_text(
+            f"from pumplib import kernels\n\n@kernels.inline\ndef g(x):\n    return {factor} * x\n"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", EDITED, str(tmp_path)],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "PUMPLIB_CACHE": str(tmp_path / "cache")},
+        )
+        assert done.returncode == 0, done.stderr
+        answers.append(float(done.stdout))
+    assert answers == [6.0, 15.0]
 
 
 def test_inlined_functions_do_not_reorder_sums() -> None:

@@ -6,15 +6,14 @@ kernels of this room are compiled without fused operations: their results do not
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
-from pumplib.kernels import numba  # imports numba with the package's cache folder
+from pumplib.kernels import compiled
 
-_FLAGS: dict[str, Any] = {"cache": True, "fastmath": False, "error_model": "numpy"}
+_FLAGS: dict[str, Any] = {"fastmath": False, "error_model": "numpy"}
 
-strict_kernel: Callable[..., Any] = numba.njit(**_FLAGS, nogil=True)
+strict_kernel: Callable[..., Any] = compiled(**_FLAGS, nogil=True)
 """Decorator of a compiled loop whose rounding does not depend on the compiler's choices."""
 
-strict_inline: Callable[..., Any] = partial(numba.njit, inline="always")(**_FLAGS)
+strict_inline: Callable[..., Any] = compiled(**_FLAGS, inline="always")
 """Decorator of a small function of scalars that disappears into its kernel, same rounding rule."""
