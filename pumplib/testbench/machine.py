@@ -173,8 +173,8 @@ def source(
     dc_link : float
         Voltage of the inverter's link, V; 0 for a grid.
     switching_hz, dead_time_s : float
-        Switching frequency and dead time of the inverter. The mean voltage it loses a period is modelled, the
-        ripple at the switching frequency is not.
+        Switching frequency and dead time of the inverter. Measured voltages are means over a switching period;
+        the currents carry the ripple of the pulses, which the leakage inductance limits.
     dead_time_current : float
         Current above which the loss is full, A.
 
@@ -187,6 +187,10 @@ def source(
     ParameterError
         If dead time and switching period do not fit.
     """
+    if (dc_link > 0) != (switching_hz > 0):
+        raise ParameterError(
+            f"dc_link = {dc_link:g} V with switching_hz = {switching_hz:g} Hz: an inverter needs both, a grid none."
+        )
     share = switching_hz * dead_time_s
     if not 0 <= share < 0.5 or dead_time_current <= 0 or not math.isfinite(dc_link):
         raise ParameterError(
@@ -203,4 +207,6 @@ def source(
         h7_im=seventh.imag,
         dead=dc_link * share,
         inv_dead_i=1 / dead_time_current,
+        link=dc_link,
+        carrier=switching_hz,
     )

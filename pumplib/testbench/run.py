@@ -14,6 +14,7 @@ from pumplib.machines.quantity import Parameters, Quantity
 from pumplib.testbench.data_sheets import sensor_set
 from pumplib.testbench.machine import BenchMachine
 from pumplib.testbench.measurement import measure
+from pumplib.testbench.nuisances import disturbed
 from pumplib.testbench.scenario import Course, Scenario, draw_course, draw_machine, load_scenario
 from pumplib.testbench.sensors import CHANNELS, FastSignals, SensorFault, SensorSet
 from pumplib.testbench.simulate import STEP, TICK_SECONDS, Truth, simulate_bench, start_state
@@ -221,15 +222,17 @@ def play(machine: BenchMachine, course: Course) -> Truth:
         wave=course.wave,
         initial=start_state(machine, amplitude, hertz, valve),
     )
+    t = TICK_SECONDS * np.arange(round(course.duration / TICK_SECONDS))
+    slow, negative, level = disturbed(course.nuisances, slow, course.negative, t)
     if course.fault is not None:
-        t = TICK_SECONDS * np.arange(round(course.duration / TICK_SECONDS))
         slow |= course.fault.columns(t)
     return simulate_bench(
         machine,
         supply,
         duration=course.duration,
         slow=slow,
-        negative=course.negative,
+        negative=negative,
+        level=level,
         wave=course.wave,
         initial=settled.state,
         extra=settled.extra,

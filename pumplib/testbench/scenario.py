@@ -19,9 +19,13 @@ from pumplib.paths import DATA
 from pumplib.testbench.faults import Fault
 from pumplib.testbench.kernels import Source
 from pumplib.testbench.machine import BenchMachine, source
+from pumplib.testbench.nuisances import Nuisance
 
 Array = NDArray[Any]
 _TICK = 1e-3
+# link of a rectified 460 V grid, so that 325 V with all harmonics stay within the linear range; the carrier is no
+# multiple of the sampling rate, so the ripple is sampled at every phase
+INVERTER: dict[str, float] = {"dc_link": 650.0, "switching_hz": 4300.0, "dead_time_s": 2e-6}
 Test = Literal["drawn", "steady", "ramp", "torque_step", "changes"]
 
 
@@ -46,6 +50,10 @@ class Scenario(Parameters):
         None is healthy. An onset of a pump fault left at 0 is put into segment `fault_segment`.
     fault_segment : int
         Counted from 1.
+    supply : {"grid", "inverter"}
+        An inverter brings pulses and dead time in place of the grid's harmonics.
+    nuisances : tuple of Nuisance
+        Disturbances on top of the profile; in a file a list of tables.
     seeds : tuple of int
         First seeds of the development and of the held-out scoring runs.
     """
@@ -62,6 +70,8 @@ class Scenario(Parameters):
     changes: Annotated[int, Quantity("-", "operating-point changes of a pump run", 0, 1000)] = 12
     fault: Fault | None = None
     fault_segment: Annotated[int, Quantity("-", "segment of the fault's onset, from 1", 1, 1000)] = 7
+    supply: Annotated[Literal["grid", "inverter"], Choice("supply", ("grid", "inverter"))] = "grid"
+    nuisances: tuple[Nuisance, ...] = ()
     seeds: tuple[int, int] = (0, 100_000)
 
     def _check_together(self) -> None:
@@ -69,6 +79,12 @@ class Scenario(Parameters):
             raise ParameterError(f'Scenario {self.name}: test "changes" belongs to the pump profiles.')
         if self.profile != "stator" and self.test in ("ramp", "torque_step"):
             raise ParameterError(f"Scenario {self.name}: test {self.test!r} belongs to the profile stator.")
+        # a change takes up to 20 Hz at 20 Hz/s
+        if self.test == "changes" and self.duration / (self.changes + 1) <= 1.0:
+            raise ParameterError(
+                f"Scenario {self.name}: {self.changes} changes in {self.duration:g} s leave "
+                f"{self.duration / (self.changes + 1):.2g} s each: give more than 1 s a change, or fewer changes."
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +107,8 @@ class Course:
         Times of the operating-point changes, s.
     fault : Fault or None
         With its onset.
+    nuisances : tuple of Nuisance
+        With their onsets and angles.
     """
 
     duration: float
@@ -100,6 +118,7 @@ class Course:
     slow: dict[str, Any] = field(default_factory=dict)
     changes: tuple[float, ...] = ()
     fault: Fault | None = None
+    nuisances: tuple[Nuisance, ...] = ()
 
 
 def load_scenario(name: str | Path) -> Scenario:
@@ -137,7 +156,8 @@ def scenario_from(raw: dict[str, Any], name: str) -> Scenario:
     Parameters
     ----------
     raw : dict
-        Fields of `Scenario`; ``fault`` is a table with the fields of `Fault`.
+        Fields of `Scenario`; ``fault`` is a table with the fields of `Fault`, ``nuisances`` a list of tables with
+        those of `Nuisance`.
     name : str
         Name of the scenario.
 
@@ -154,13 +174,18 @@ def scenario_from(raw: dict[str, Any], name: str) -> Scenario:
     try:
         if "fault" in values:
             values["fault"] = Fault(**values["fault"])
+        if "nuisances" in values:
+            values["nuisances"] = tuple(Nuisance(**one) for one in values["nuisances"])
         if "seeds" in values:
             values["seeds"] = tuple(values["seeds"])
         return Scenario(**{"name": name, **values})
     except TypeError as error:
         fields = ", ".join(Scenario.__dataclass_fields__)
         parts = ", ".join(Fault.__dataclass_fields__)
-        raise ParameterError(f"scenario {name}: {error}; fields are {fields}; of a fault {parts}.") from None
+        further = ", ".join(Nuisance.__dataclass_fields__)
+        raise ParameterError(
+            f"scenario {name}: {error}; fields are {fields}; of a fault {parts}; of a nuisance {further}."
+        ) from None
 
 
 def scenarios() -> tuple[str, ...]:
@@ -258,7 +283,20 @@ def draw_course(scenario: Scenario, rng: Generator) -> Course:
     -------
     Course
     """
-    return _stator_course(scenario, rng) if scenario.profile == "stator" else _pump_course(scenario, rng)
+    course = _stator_course(scenario, rng) if scenario.profile == "stator" else _pump_course(scenario, rng)
+    # drawn last, so that the same seed gives the same run without them
+    nuisances = tuple(_drawn(one, scenario.duration, rng) for one in scenario.nuisances)
+    wave = source(**INVERTER) if scenario.supply == "inverter" else course.wave
+    return replace(course, nuisances=nuisances, wave=wave)
+
+
+def _drawn(nuisance: Nuisance, duration: float, rng: Generator) -> Nuisance:
+    onset, angle = rng.uniform(0.1, 0.5) * duration, rng.uniform(0, 2 * math.pi)
+    return replace(
+        nuisance,
+        onset=nuisance.onset or _tick(onset),
+        angle=angle if math.isnan(nuisance.angle) else nuisance.angle,
+    )
 
 
 def _stator_course(scenario: Scenario, rng: Generator) -> Course:

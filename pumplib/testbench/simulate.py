@@ -104,6 +104,7 @@ def simulate_bench(
     duration: float,
     slow: Mapping[str, float | Profile | Array] | None = None,
     negative: complex | Array = 0.0,
+    level: float | Profile | Array = 1.0,
     wave: Source | None = None,
     initial: Array | None = None,
     extra: Array | None = None,
@@ -123,8 +124,10 @@ def simulate_bench(
         value a millisecond. Left out: the application's valve, everything else neutral.
     negative : complex or ndarray, shape (n,)
         Negative sequence of the supply relative to the fundamental, constant or one value a millisecond.
+    level : float or Profile or ndarray, shape (n,)
+        Factor of the supply's amplitude: sags, swells and steps.
     wave : Source, optional
-        Harmonics and dead time; a clean grid if left out.
+        Harmonics and inverter; a clean grid if left out.
     initial, extra : ndarray, optional
         State to go on from, `Truth.state` and `Truth.extra`; standstill if left out.
 
@@ -150,6 +153,10 @@ def simulate_bench(
     hertz = frequency_at(supply, t)
     full = supply.boost + (supply.amplitude - supply.boost) * hertz / supply.rated_frequency
     amplitude = np.minimum(full, supply.amplitude) if supply.frequency is not None else np.full(n + 1, supply.amplitude)
+    factor = column(level, "level", t[:-1])
+    amplitude = amplitude * np.append(factor, factor[-1])
+    wave = wave or source()
+    _check_modulation(wave, amplitude, given)
     turns = np.mod(angle_at(supply, t) / (2 * np.pi), 1.0)
     state = np.zeros(N_STATES) if initial is None else np.array(initial, dtype=float)
     if initial is None:
@@ -158,8 +165,8 @@ def simulate_bench(
     fast = np.empty((n * STEPS_PER_TICK, len(FAST)))
     tick = np.empty((n, len(TICK)))
     run_bench(
-        state, loop, turns, hertz, amplitude, sequence, table, STEP, constants(machine), wave or source(),
-        thermal(machine), fast, tick,
+        state, loop, turns, hertz, amplitude, sequence, table, STEP, constants(machine), wave, thermal(machine), fast,
+        tick,
     )  # fmt: skip
     if not np.isfinite(state).all():
         bad = int(np.argmin(np.isfinite(tick).all(axis=1)))
@@ -183,8 +190,61 @@ _LIMITS = {  # lowest and highest value that the equations make sense for
     "valve": (0.0, 1e18), "r_s": (0.1, 5.0), "r_r": (0.1, 5.0), "density": (0.0, 3.0), "gamma_a": (-1.0, 1.0),
     "gamma_b": (-1.0, 1.0), "gamma_c": (-1.0, 1.0), "r_f": (0.0, 1e9), "G_ground": (0.0, 1e3), "K_f": (0.0, 1e16),
     "dB": (0.0, 10.0), "K_l": (0.0, 1e-3), "f_c": (0.0, 0.35), "f_d": (0.0, 1.0), "K_ext": (0.0, 1e-3),
-    "K_in": (0.0, 1e16), "bearing": (0.0, 1e3), "block": (0.0, 1e4),
+    "K_in": (0.0, 1e16), "bearing": (0.0, 1e3), "block": (0.0, 1e4), "level": (0.0, 2.0),
 }  # fmt: skip
+
+
+def column(value: float | Profile | Array, name: str, t: Array) -> Array:
+    """One prescribed quantity at the ticks.
+
+    Parameters
+    ----------
+    value : float or Profile or ndarray, shape (n,)
+        As given.
+    name : str
+        For its limits and for messages.
+    t : ndarray, shape (n,)
+        Times of the ticks, s.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Raises
+    ------
+    ParameterError
+        If the shape is wrong or a value lies outside the limits of the quantity.
+    """
+    if isinstance(value, np.ndarray):
+        if value.shape != t.shape:
+            raise ParameterError(f"{name} has shape {value.shape}: one value a millisecond is {t.shape}.")
+        values = value
+    else:
+        profile = as_profile(value, name)
+        if profile.kind == "lines":
+            values = np.interp(t, profile.times, profile.values)
+        else:
+            # half a step of tolerance, so that a time of 0.3 s is the tick 300
+            index = np.searchsorted(profile.times, t + 0.5 * STEP, side="right") - 1
+            values = profile.values[np.maximum(index, 0)]
+    low, high = _LIMITS.get(name, (-np.inf, np.inf))
+    if not np.isfinite(values).all() or values.min() < low or values.max() > high:
+        raise ParameterError(
+            f"{name} runs from {values.min():g} to {values.max():g}: must stay within {low:g} to {high:g}."
+        )
+    return np.asarray(values, dtype=float)
+
+
+def _check_modulation(wave: Source, amplitude: Array, negative: Array) -> None:
+    if wave.carrier <= 0.0:
+        return
+    parts = abs(complex(wave.h5_re, wave.h5_im)) + abs(complex(wave.h7_re, wave.h7_im)) + float(np.abs(negative).max())
+    highest = float(amplitude.max()) * (1.0 + parts)
+    if highest > wave.link / np.sqrt(3.0):
+        raise ParameterError(
+            f"the supply reaches {highest:.0f} V with its harmonics: pulses of a {wave.link:g} V link end at "
+            f"{wave.link / np.sqrt(3.0):.0f} V; raise dc_link or lower the supply's amplitude."
+        )
 
 
 def _slow_table(given: Mapping[str, float | Profile | Array], t: Array) -> Array:
@@ -192,24 +252,7 @@ def _slow_table(given: Mapping[str, float | Profile | Array], t: Array) -> Array
     for name, value in given.items():
         if name not in Slow._fields:
             raise ParameterError(f"quantity {name!r}: must be one of {', '.join(Slow._fields)}.")
-        if isinstance(value, np.ndarray):
-            if value.shape != t.shape:
-                raise ParameterError(f"{name} has shape {value.shape}: one value a millisecond is {t.shape}.")
-            column = value
-        else:
-            profile = as_profile(value, name)
-            if profile.kind == "lines":
-                column = np.interp(t, profile.times, profile.values)
-            else:
-                # half a step of tolerance, so that a time of 0.3 s is the tick 300
-                index = np.searchsorted(profile.times, t + 0.5 * STEP, side="right") - 1
-                column = profile.values[np.maximum(index, 0)]
-        low, high = _LIMITS.get(name, (-np.inf, np.inf))
-        if not np.isfinite(column).all() or column.min() < low or column.max() > high:
-            raise ParameterError(
-                f"{name} runs from {column.min():g} to {column.max():g}: must stay within {low:g} to {high:g}."
-            )
-        table[:, Slow._fields.index(name)] = column
+        table[:, Slow._fields.index(name)] = column(value, name, t)
     shorted = np.abs(table[:, 6:9]).sum(axis=1)
     if np.any((np.abs(table[:, 6:9]) >= 1.0).any(axis=1)):
         raise ParameterError(f"gamma reaches {shorted.max():g}: a shorted share of the turns must stay below 1.")

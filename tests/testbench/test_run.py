@@ -231,6 +231,7 @@ def test_cavitation_noise_and_sensor_faults_are_extras() -> None:
         ({"duration": -1.0}, r"Scenario.duration = -1 s: must be > 0 s"),
         ({"profile": "pump", "test": "ramp"}, "belongs to the profile stator"),
         ({"test": "changes"}, "belongs to the pump profiles"),
+        ({"profile": "pump", "test": "changes", "duration": 3.0}, "12 changes in 3 s leave 0.23 s each"),
         ({"speed": 3}, "unexpected keyword argument 'speed'"),
         ({"fault": {"kind": "rust", "size": 1.0}}, "Fault.kind = 'rust': must be one of inter_turn"),
         ({"fault": {"kind": "cavitation", "size": 0.5}}, r"Fault.size = 0.5 for cavitation \(f_c, share of head\)"),
