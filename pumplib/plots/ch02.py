@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pumplib.errors import ParameterError
 from pumplib.plots.style import COLOURS, LINES, PAGE, style
-from pumplib.primer import Comparison, Estimate, Example, Monitor, Outcome, Scored, Windows
+from pumplib.primer import Comparison, Estimate, Example, Monitor, Outcome, Scored, Spectrum, Windows
 
 Array = NDArray[Any]
 _MARKS = (("clogging", "red", "o"), ("friction", "green", "s"), ("leakage", "purple", "^"), ("cavitation", "blue", "D"))
@@ -106,6 +106,38 @@ def _alarm(ax: Axes, shown: Example, one: Outcome) -> None:
             va="top", fontsize=7.5, color=COLOURS[colour], zorder=9,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.8},
         )  # fmt: skip
+
+
+def current_spectra(before: Spectrum, after: Spectrum, shaft_hz: float) -> Figure:
+    """Stator current beside its fundamental, before and after a bearing fault.
+
+    Parameters
+    ----------
+    before, after : Spectrum
+        Of one run at one operating point.
+    shaft_hz : float
+        Rotational frequency of the shaft, Hz.
+
+    Returns
+    -------
+    Figure
+    """
+    with style():
+        figure, ax = plt.subplots(figsize=(PAGE, 2.6))
+        for one, name, colour, ls in ((before, "healthy part", "blue", "-"), (after, "bearing fault", "red", "-")):
+            near = np.abs(one.offset) < 60.0
+            ax.semilogy(
+                one.offset[near], 100 * one.amplitude[near], color=COLOURS[colour], ls=ls, label=name,
+                alpha=0.75 if colour == "red" else 1.0, zorder=3 if colour == "blue" else 2,
+            )  # fmt: skip
+        for sign in (-1, 1):
+            ax.axvline(sign * shaft_hz, color=COLOURS["grey"], lw=1.0, ls=":", zorder=1,
+                       label="supply $\\pm$ shaft frequency" if sign > 0 else None)  # fmt: skip
+        ax.set_xlabel("frequency less the supply's / Hz")
+        ax.set_ylabel("current / (% of fundamental)")
+        ax.set_xlim(-60, 60)
+        figure.legend(loc="outside upper center", ncols=3)
+    return figure
 
 
 def fault_types(monitor: Monitor, additive: Windows, multiplicative: Windows, onset: float, size: float) -> Figure:

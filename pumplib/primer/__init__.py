@@ -11,6 +11,7 @@ from pumplib.primer.example import (
     with_offset,
 )
 from pumplib.primer.model import Commissioned, commission, regressors
+from pumplib.primer.spectrum import Spectrum, current_spectrum
 from pumplib.primer.study import (
     APPROACHES,
     LADDER,
@@ -45,12 +46,14 @@ __all__ = [
     "Outcome",
     "Scored",
     "Share",
+    "Spectrum",
     "Study",
     "Windows",
     "alarm_counts",
     "commission",
     "compare",
     "critical_factor",
+    "current_spectrum",
     "delayed",
     "directions",
     "estimate",
