@@ -54,6 +54,10 @@ class Fault(Parameters):
         Of an inter-turn short: "a", "b", "c", or between two phases "ab", "bc", "ca".
     r_f : float
         Contact resistance of an inter-turn short, ohm.
+    ripple : float
+        Torque ripple at shaft frequency that a rub brings along with its friction, N m.
+    drag : float
+        Friction that a bearing fault brings along with its torque ripple, N m s.
     """
 
     kind: Annotated[Kind, Choice("fault", KINDS)]
@@ -67,6 +71,8 @@ class Fault(Parameters):
     share: Annotated[float, Quantity("-", "part of the period with the fault", 0.0, 1.0)] = 0.5
     phase: Annotated[str, Choice("faulty phase", tuple(PHASES))] = "a"
     r_f: Annotated[float, Quantity("ohm", "contact resistance", 0.0, 1e6)] = 0.0
+    ripple: Annotated[float, Quantity("N m", "torque ripple of a rub", 0.0, 100.0)] = 0.0
+    drag: Annotated[float, Quantity("N m s", "friction of a damaged bearing", 0.0, 1.0)] = 0.0
 
     def _check_together(self) -> None:
         quantity, unit, low, high = SIZES[self.kind]
@@ -74,6 +80,10 @@ class Fault(Parameters):
             raise ParameterError(
                 f"Fault.size = {self.size:g} for {self.kind} ({quantity}, {unit}): must be {low:g} to {high:g}."
             )
+
+        for name, value, owner in (("ripple", self.ripple, "friction"), ("drag", self.drag, "bearing")):
+            if value > 0 and self.kind != owner:
+                raise ParameterError(f"Fault.{name} = {value:g}: belongs to {owner}, not to {self.kind}; leave it out.")
 
     def course(self, t: Array) -> Array:
         """Share of the full size over time.
@@ -111,7 +121,9 @@ class Fault(Parameters):
         """
         size = self.size * self.course(t)
         if self.kind != "inter_turn":
-            return {SIZES[self.kind][0]: size}
+            more = {"bearing": self.ripple, "dB": self.drag}
+            together = {name: value * self.course(t) for name, value in more.items() if value > 0}
+            return {SIZES[self.kind][0]: size, **together}
         signs = PHASES[self.phase]
         names = ("gamma_a", "gamma_b", "gamma_c")
         loop = {name: sign * size for name, sign in zip(names, signs, strict=True) if sign}

@@ -148,6 +148,17 @@ def test_faults_act_on_the_physics_after_their_onset(kind: str, share: float, sh
         assert (course[500:] > 0).mean() == pytest.approx(0.5 if size else 0.0, abs=0.01)
 
 
+def test_rub_and_bearing_bring_ripple_and_friction() -> None:
+    t = np.array([0.0, 1.0, 2.0])
+    rub = Fault(kind="friction", size=5e-4, onset=1.0, ripple=0.1).columns(t)
+    worn = Fault(kind="bearing", size=0.1, onset=1.0, drag=5e-4).columns(t)
+    for name, size in (("dB", 5e-4), ("bearing", 0.1)):
+        assert np.array_equal(rub[name], [0.0, size, size])
+        assert np.array_equal(worn[name], [0.0, size, size])
+    with pytest.raises(ParameterError, match=r"Fault.drag = 0.1: belongs to bearing, not to friction"):
+        Fault(kind="friction", size=5e-4, drag=0.1)
+
+
 def test_phases_of_a_short() -> None:
     t = np.array([1.0])
     assert Fault(kind="inter_turn", size=0.02, phase="b").columns(t)["gamma_b"] == 0.02
