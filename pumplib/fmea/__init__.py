@@ -1,0 +1,55 @@
+"""Thesis 4.1.1, 4.3.1-4.3.3: the FMEA tables as data."""
+
+from pumplib.fmea.load import load_system, shipped, shipped_names
+from pumplib.fmea.model import (
+    EDGE_KINDS,
+    OBSERVATION,
+    SIGNAL_KINDS,
+    Cause,
+    Component,
+    Disturbance,
+    Edge,
+    Effect,
+    Event,
+    Fault,
+    Group,
+    Incidence,
+    Scenario,
+    Sensor,
+    Signal,
+    System,
+    Variant,
+)
+from pumplib.fmea.save import save_system
+from pumplib.fmea.tables import Table, Tables, component_tables, export, matrix_table, signal_table, system_tables
+
+__all__ = [
+    "EDGE_KINDS",
+    "OBSERVATION",
+    "SIGNAL_KINDS",
+    "Cause",
+    "Component",
+    "Disturbance",
+    "Edge",
+    "Effect",
+    "Event",
+    "Fault",
+    "Group",
+    "Incidence",
+    "Scenario",
+    "Sensor",
+    "Signal",
+    "System",
+    "Table",
+    "Tables",
+    "Variant",
+    "component_tables",
+    "export",
+    "load_system",
+    "matrix_table",
+    "save_system",
+    "shipped",
+    "shipped_names",
+    "signal_table",
+    "system_tables",
+]
