@@ -1,6 +1,7 @@
 # make workbook   run all notebooks, write figures, report and claims table
 # make test       style, types, layers and the whole test suite
 # make lab        JupyterLab in the workbook's environment
+# make campaigns  the committed tables of many seeded runs, anew (hours; ARGS="NAME --runs-scale 0.1" for a part)
 # make benchmarks speed against other tools (ARGS=--write puts dated results into data/measured)
 # make clean      remove what can be made again (add ALL=1 to remove the environment as well)
 #
@@ -18,7 +19,7 @@ endif
 PY := $(VENV_BIN)/python
 STAMP := .venv/.stamp-$(shell cat environment.txt pyproject.toml | cksum | cut -d' ' -f1)
 
-.PHONY: workbook test lab benchmarks clean environment
+.PHONY: workbook test lab campaigns benchmarks clean environment
 
 workbook: environment
 	$(PY) -m pumplib workbook --jobs $(JOBS) $(ARGS)
@@ -32,6 +33,9 @@ test: environment
 
 lab: environment
 	$(PY) -m pumplib lab
+
+campaigns: environment
+	$(PY) -m pumplib campaign --workers $(JOBS) $(ARGS)
 
 benchmarks: environment
 	$(PY) -m benchmarks $(ARGS)

@@ -63,8 +63,18 @@ def _file_of(name: str) -> Path | None:
 
 
 @cache
-def _imported(path: Path) -> tuple[Path, ...]:
-    """Files of the package that a file imports, wherever the statement stands."""
+def imported_files(path: Path) -> tuple[Path, ...]:
+    """Files of the package that a file imports, wherever the statement stands.
+
+    Parameters
+    ----------
+    path : Path
+        A Python file.
+
+    Returns
+    -------
+    tuple of Path
+    """
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Import):
@@ -94,7 +104,7 @@ def sources_hash(path: Path) -> str:
         one = waiting.pop()
         if one not in reached:
             reached.add(one)
-            waiting.extend(_imported(one))
+            waiting.extend(imported_files(one))
     digest = hashlib.sha256()
     for one in sorted(reached):
         digest.update(str(one).encode())

@@ -45,7 +45,7 @@ def package(monkeypatch, tmp_path):
 
 
 def forget() -> None:
-    for cached in (kernels._imported, kernels.sources_hash, kernels._cache_folder):
+    for cached in (kernels.imported_files, kernels.sources_hash, kernels._cache_folder):
         cached.cache_clear()
 
 

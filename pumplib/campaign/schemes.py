@@ -19,7 +19,7 @@ import numpy as np
 
 from pumplib import paths
 from pumplib.errors import ParameterError
-from pumplib.kernels import _imported
+from pumplib.kernels import imported_files
 from pumplib.machines.quantity import Parameters
 
 Value = float | int | str | bool | None
@@ -176,7 +176,7 @@ def code_state(path: str) -> dict[str, dict[str, str]]:
         one = waiting.pop()
         if one not in reached:
             reached.add(one)
-            waiting.extend(_imported(one))
+            waiting.extend(imported_files(one))
     files = [
         file
         for folder in getattr(scheme, "data", DATA_FOLDERS)

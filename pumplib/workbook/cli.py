@@ -11,9 +11,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pumplib.campaign import cli_part
 from pumplib.errors import PumplibError
 from pumplib.workbook.cells import read_defaults
 from pumplib.workbook.layout import Layout
+from pumplib.workbook.machine import machine, versions
 
 OK, FAILED, USAGE, CLAIMS, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -78,6 +80,8 @@ def build_parser() -> argparse.ArgumentParser:
 
     chart = command("map", "print the table thesis section -> modules -> notebooks -> claims")
     chart.add_argument("--write", action="store_true", help="bring the table in README.md up to date")
+
+    cli_part.add_arguments(command("campaign", "run campaigns of many seeded runs, or check their tables"))
 
     command("lab", "open JupyterLab on the notebooks")
     return parser
@@ -244,6 +248,9 @@ def main(arguments: Sequence[str] | None = None, layout: Layout | None = None) -
                 return _datasets(args)
             case "map":
                 return _map(layout, args)
+            case "campaign":
+                facts = {"machine": machine(), "versions": versions("numpy", "scipy", "numba", "distributed")}
+                return cli_part.execute(args, facts)
             case _:
                 return _lab(layout)
     except _UsageError as error:
@@ -255,5 +262,5 @@ def main(arguments: Sequence[str] | None = None, layout: Layout | None = None) -
         print(f"error: {error}", file=sys.stderr)
         return USAGE if isinstance(error, NotebookError) else FAILED
     except KeyboardInterrupt:
-        print("\ninterrupted; notebooks that had finished are kept and are not run again", file=sys.stderr)
+        print("\ninterrupted; what had finished is kept and is not run again", file=sys.stderr)
         return INTERRUPTED
