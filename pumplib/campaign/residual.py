@@ -47,7 +47,7 @@ HEALTHY_BEGINNING = 15.0
 """Seconds declared healthy for self calibration; the fault comes in segment seven, after 15.2 s."""
 MONITORS: dict[str, MonitorSettings] = {
     "observers": MonitorSettings(),
-    "calibrated": MonitorSettings(self_calibration=HEALTHY_BEGINNING),
+    "calibrated": MonitorSettings(self_calibration=HEALTHY_BEGINNING, margin=1.18),
     "winding": MonitorSettings(winding="estimated"),
 }
 

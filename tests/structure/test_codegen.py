@@ -126,7 +126,9 @@ def test_c_source_of_the_pump_reproduces_python(name: str, tmp_path: Path) -> No
     t, signals = record(3000)
     signals["y_H"] = signals["y_H"] + 4e5 * (t > t[1500])  # beyond the map: the flag is compared, too
     run = generator.run(t, signals, POINT, begin(form))
-    found, flags = run_c(compiled_c(c_source(generator, name), tmp_path, name), generator, t, signals, POINT, begin(form))
+    found, flags = run_c(
+        compiled_c(c_source(generator, name), tmp_path, name), generator, t, signals, POINT, begin(form)
+    )
     assert np.abs(found - run.residual).max() <= 1e-12 * np.abs(run.residual).max()
     assert np.array_equal(flags, run.flags)
     assert run.flags.any() == (name == "r3")
@@ -161,7 +163,8 @@ def test_every_function_and_power_that_can_be_written(tmp_path: Path) -> None:
         -x - y - 2.5 * p - (x + 1) * (-3),
     ]
     form = Realization(name="all", constraints=(), states=(), definitions=(), rates=(), residuals=tuple(expressions),
-                       signals=(x, y), parameters=(p,), values={}, singular=(), radicands=(), equivalent=True)  # fmt: skip
+                       signals=(x, y), parameters=(p,), values={}, singular=(), radicands=(),
+                       equivalent=True)  # fmt: skip
     generator = residual_generator(form)
     signals = {"x": np.array([0.7, 2.3]), "y": np.array([1.9, 0.4])}
     t = np.array([0.0, 1.0])
@@ -234,7 +237,7 @@ def test_wrong_records_are_refused() -> None:
 
 
 def test_divergence_is_an_error() -> None:
-    generator, form = pump_generator("r4")
+    generator, _form = pump_generator("r4")
     t = np.arange(400) * 5.0  # far beyond what the gain allows
     signals = {"y_T": np.full(400, 4.2), "y_H": np.full(400, 4.9e5), "y_Q": np.full(400, 1.6e-3)}
     with pytest.raises(SimulationError, match=r"not finite.*gain"):
@@ -253,12 +256,12 @@ def test_wrong_settings_are_refused() -> None:
         rate_gain(form, -1.0)
     with pytest.raises(ParameterError, match="lacks"):
         linearized_gain(form, {}, 1.0)
-    three = realize(examples.three_tanks(), "e1 e4 e5 e7 e8 e9 e10 e11".split()).require()
+    three = realize(examples.three_tanks(), ["e1", "e4", "e5", "e7", "e8", "e9", "e10", "e11"]).require()
     with pytest.raises(ParameterError, match="residuals"):
         identity_gain(three, 1.0)
     with pytest.raises(ParameterError, match="residuals"):
         rate_gain(three, 1.0)
-    with pytest.raises(ParameterError, match="do not determine"):
+    with pytest.raises(ParameterError, match="do not"):
         with_linear_error(three)
     x = sp.Symbol("x")
     with pytest.raises(ParameterError, match="neither state"):

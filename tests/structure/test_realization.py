@@ -182,15 +182,12 @@ x1, x2, v = sp.symbols("x1 x2 v")
 
 
 def test_fail_1_unknown_of_an_output_has_no_closed_form() -> None:
-    x, d, y, y2, a = sp.symbols("x x_dot y y2 a")
-    model = plant({"e1": d - a, "m1": y - x - a - sp.exp(a) * sp.sin(a) * sp.log(a), "m2": y2 - x}, {"d1": (d, x)},
-                  "x x_dot a", "y y2")  # fmt: skip
-    # With the state measured twice the first output is all that is left of a.
-    report = realize(define("plant", relations={"m1": y - x - a - sp.exp(a) * sp.sin(a), "m2": y2 - x},
-                            unknown=[x, a], known=[y, y2]))  # fmt: skip
+    x, y1, y2, a = sp.symbols("x y1 y2 a")
+    relations = {"m1": y1 - x - a - sp.exp(a) * sp.sin(a), "m2": y2 - x}
+    report = realize(define("plant", relations=relations, unknown=[x, a], known=[y1, y2]))
     assert report.outcome is Outcome.FAIL_1
     assert "m1" in report.detail
-    assert realize(model).outcome in (Outcome.FAIL_1, Outcome.OK)
+    assert report.realization is None
 
 
 def test_fail_2_names_the_new_unknown_input_and_separate_takes_it() -> None:
@@ -227,7 +224,7 @@ def test_fail_3_heisenberg() -> None:
 def test_exponential_field_is_solved_by_the_differential_equation() -> None:
     report = realize(in_plane(v, sp.exp(x1) * v))
     assert report.transformations[0].integrals.method == "ordinary differential equation"
-    assert sp.simplify(report.require().definitions[0] - (x2 - sp.exp(x1))) in (0,)
+    assert sp.simplify(report.require().definitions[0] - (x2 - sp.exp(x1))) == 0
 
 
 def test_fail_4_and_fail_5_and_fail_6() -> None:

@@ -23,9 +23,9 @@ from pumplib.structure.realization_report import Report
 PUMP = {"J": 0.006, "B": 3.3e-4, "K_Q": 40.0, "a_h0": 7.2, "a_h1": 1e5, "a_h2": 8.1e10, "a_t0": 1.67e-5, "a_t1": 6.04,
         "a_t2": 2e5}  # fmt: skip
 POINT = PUMP | {"omega": 306.0, "Q_i": 1.6e-3, "y_w": 306.0, "y_H": 4.9e5, "y_Q": 1.6e-3}
-R2 = "c1 c3 c4 m_w m_T m_H m_Q d1 d2".split()
-R3 = "c1 c2 c3 m_w m_T m_H d1 d2".split()
-R4 = "c1 c2 c3 c4 m_T m_H m_Q d1 d2".split()
+R2 = ["c1", "c3", "c4", "m_w", "m_T", "m_H", "m_Q", "d1", "d2"]
+R3 = ["c1", "c2", "c3", "m_w", "m_T", "m_H", "d1", "d2"]
+R4 = ["c1", "c2", "c3", "c4", "m_T", "m_H", "m_Q", "d1", "d2"]
 
 
 def simulate(
@@ -82,8 +82,8 @@ def flat(mean: float) -> Callable[[Any], Any]:
 
 TANKS = {"Rv1": 1.0, "Rv2": 1.3, "Rv3": 0.8, "CT1": 1.0, "CT2": 1.5, "CT3": 0.7}
 INDUCTION = {"a": 3.0, "b": 1.2, "c": 0.9, "d": 2.0, "L_M": 0.5, "k": 1.0, "c_f": 0.1, "c_t": 0.4}
-TANK_MSO = "e2 e3 e4 e5 e6 e7 e8 e9 e10 e11 e12".split()
-SPEED_FREE = "e1 e2 e3 e4 e5 e6 e13 e14 e8 e9 e10 e11".split()
+TANK_MSO = ["e2", "e3", "e4", "e5", "e6", "e7", "e8", "e9", "e10", "e11", "e12"]
+SPEED_FREE = ["e1", "e2", "e3", "e4", "e5", "e6", "e13", "e14", "e8", "e9", "e10", "e11"]
 
 # model, constraints, parameters, start, prescribed signals, size of the unknown input at the start
 CASES: dict[str, tuple[StructuralModel, list[str] | None, dict, dict, dict, float]] = {
