@@ -18,7 +18,9 @@ from pumplib.paths import DATA
 from pumplib.workbook.claims import Claim, judge, load_claims
 
 TARGET = DATA / "measured" / "benchmarks.json"
-PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "motulator", "psutil")
+PACKAGES = (
+    "numpy", "numba", "llvmlite", "scipy", "networkx", "motulator", "faultdiagnosistoolbox", "python-flint", "psutil",
+)  # fmt: skip
 
 
 def machine() -> dict[str, Any]:

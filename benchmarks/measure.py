@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import case, peer_c, peer_motulator, peer_scipy, process
+from benchmarks import case, chapters, peer_c, peer_motulator, peer_scipy, process
 from benchmarks.timing import Times, interleaved, ratio
 from pumplib.plant import coefficients, simulate
 from pumplib.testbench.run import draw_bench, run
@@ -202,6 +202,11 @@ MEASUREMENTS: dict[str, tuple[Callable[[int, int], Result], tuple[str, ...]]] = 
     "scipy": (scipy_peers, ("perf.scipy", "perf.scipy_jit")),
     "motulator": (motulator_peer, ("perf.motulator",)),
     "c": (c_peer, ("perf.c", "perf.c_batch")),
+    "closure": (chapters.closure, ("ch4.speed", "ch4.speed_plain", "ch4.speed_networkx")),
+    "stator": (chapters.stator_observer, ("ch5.speed",)),
+    "mso": (chapters.mso, ("ch6.mso_oracle", "ch6.mso_time")),
+    "residual": (chapters.residual_generators, ("ch6.generator_speed",)),
+    "enclosures": (chapters.enclosures, ("ch7.speed",)),
     "import": (start, ("perf.import",)),
     "workbook": (workbook, ("perf.workbook_ch3", "perf.memory")),
 }
