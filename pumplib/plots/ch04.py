@@ -11,8 +11,10 @@ from matplotlib.patches import Patch, Rectangle
 from numpy.typing import ArrayLike, NDArray
 
 from pumplib.errors import DataError
+from pumplib.events.confront import Confrontation
 from pumplib.fmea.tables import checked_matrix
 from pumplib.plots.style import COLOURS, PAGE, style
+from pumplib.propagation.symbols import MINUS, PLUS, ZERO
 
 Array = NDArray[Any]
 SYMBOLS = ("-", "0", "+")
@@ -386,3 +388,30 @@ def confusion(*, truths: Sequence[str], verdicts: Sequence[str], counts: ArrayLi
         ax.set_ylabel("truth")
         ax.set_title("verdict (runs; bold: correct)", pad=6)
     return figure
+
+
+def physics_signs(found: Confrontation) -> Figure:
+    """Confrontation of tables and physics: every fault without and every disturbing event without a fault.
+
+    Faults together with disturbing events are compared as well; they are counted, not drawn.
+
+    Parameters
+    ----------
+    found : Confrontation
+        Outcome; its first fault and its first disturbing event are "none".
+
+    Returns
+    -------
+    Figure
+    """
+    codes = np.array([MINUS, ZERO, PLUS], np.uint8)
+    allowed = np.concatenate((found.allowed[1:, 0], found.allowed[0, 1:]))
+    sign = np.concatenate((found.sign[1:, 0], found.sign[0, 1:]))
+    share = np.stack([np.mean(sign == one, axis=1) for one in (-1, 0, 1)], axis=-1)
+    return physics_confrontation(
+        signals=found.signals,
+        roots=(*found.faults[1:], *found.disturbances[1:]),
+        predicted=np.swapaxes((allowed[..., None] & codes) != 0, 0, 1),
+        share=np.swapaxes(share, 0, 1),
+        first_disturbance=len(found.faults) - 1,
+    )

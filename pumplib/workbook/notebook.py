@@ -193,7 +193,7 @@ def start(name: str, namespace: Mapping[str, Any] | None = None, /, **specs: Spe
     namespace : mapping, optional
         Where the parameters are; the caller's global names by default.
     **specs : Spec
-        What each parameter accepts: `number`, `integer`, `numbers`, `choice`, `flag`, `text`, `file`.
+        What each parameter accepts: `number`, `integer`, `numbers`, `names`, `choice`, `flag`, `text`, `file`.
 
     Returns
     -------

@@ -5,6 +5,7 @@ name only warns. Each notebook therefore says what it accepts, and everything el
 """
 
 import ast
+import difflib
 import math
 import numbers as numeric
 from collections.abc import Callable, Mapping
@@ -16,6 +17,7 @@ from pumplib import paths
 from pumplib.errors import ParameterError
 
 _NONE = ("", "none", "null")
+_MOST_NAMES = 20  # listed in a message
 
 
 @dataclass(frozen=True)
@@ -235,6 +237,55 @@ def choice(*allowed: str) -> Spec:
         raise ValueError("")
 
     return Spec("one of " + ", ".join(repr(word) for word in allowed), "", convert)
+
+
+def names(*allowed: str, empty: bool = True) -> Spec:
+    """Accept some of many names, as a text with commas between them or as a list.
+
+    Parameters
+    ----------
+    *allowed : str
+        The names, compared exactly; none of them has a comma in it.
+    empty : bool
+        Whether none of them (an empty text, an empty list or None) is accepted as well.
+
+    Returns
+    -------
+    Spec
+        For `start`; the value is a tuple of str, in the given order. A message lists all names or, where there are
+        many, the ones closest to what was given.
+    """
+    more = len(allowed) - _MOST_NAMES
+    shown = ", ".join(allowed[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+    def convert(raw: Any) -> tuple[str, ...]:
+        if _is_none(raw):
+            raw = []
+        if isinstance(raw, str):
+            raw = raw.strip()
+            if raw.startswith(("[", "(")):
+                try:
+                    raw = ast.literal_eval(raw)
+                except (ValueError, SyntaxError):
+                    raise ValueError("not a list") from None
+            else:
+                raw = raw.split(",")
+        if not isinstance(raw, list | tuple) or not all(isinstance(name, str) for name in raw):
+            raise ValueError("not a list of names")
+        found = tuple(name.strip() for name in raw)
+        if not found and not empty:
+            raise ValueError("no name is given")
+        for name in found:
+            if name not in allowed:
+                close = difflib.get_close_matches(name, allowed, n=3) if len(allowed) > _MOST_NAMES else []
+                hint = f"; did you mean {' or '.join(map(repr, close))}?" if close else ""
+                raise ValueError(f"{name!r} is not one of them{hint}")
+            if found.count(name) > 1:
+                raise ValueError(f"{name!r} is there twice")
+        return found
+
+    least = "" if empty else "at least one of "
+    return Spec(f"names with commas between them, {least or 'any of '}{shown}", "", convert)
 
 
 def text(*, optional: bool = False) -> Spec:

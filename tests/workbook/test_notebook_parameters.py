@@ -14,6 +14,8 @@ from pumplib.workbook.cells import read_defaults, unknown_names
 from pumplib.workbook.parameters import Parameters
 
 NUMBER = workbook.number(0, 20, "N m")
+SENSORS = workbook.names("I", "V", "Q", "dp")
+EDGES = workbook.names(*(f"Q+ -> x{k}" for k in range(98)), "a", "b")
 
 
 @pytest.mark.parametrize(
@@ -30,6 +32,13 @@ NUMBER = workbook.number(0, 20, "N m")
         (workbook.integer(optional=True), "None", None),
         (workbook.numbers(length=2), "[1,2]", (1.0, 2.0)),
         (workbook.numbers(), [1, "2.5"], (1.0, 2.5)),
+        (SENSORS, "I, V,dp", ("I", "V", "dp")),
+        (SENSORS, ["Q"], ("Q",)),
+        (SENSORS, "['Q', 'I']", ("Q", "I")),
+        (SENSORS, "", ()),
+        (SENSORS, [], ()),
+        (SENSORS, None, ()),
+        (workbook.names("none", "all"), "all", ("all",)),
         (workbook.flag(), "true", True),
         (workbook.flag(), "False", False),
         (workbook.flag(), True, True),
@@ -68,6 +77,14 @@ def test_accepted(spec, raw, value):
         (workbook.numbers(), "1", ["list"]),
         (workbook.numbers(), "[1", ["not a list"]),
         (workbook.numbers(), [], ["at least one"]),
+        (SENSORS, "I, U", ["'U' is not one of them", "any of I, V, Q, dp"]),
+        (SENSORS, "I, I", ["'I' is there twice"]),
+        (SENSORS, "I, ", ["'' is not one of them"]),
+        (SENSORS, 3, ["not a list of names"]),
+        (SENSORS, [1], ["not a list of names"]),
+        (SENSORS, "[I", ["not a list"]),
+        (workbook.names("I", empty=False), "", ["no name is given", "at least one of I"]),
+        (EDGES, "Q+ -> x98", ["did you mean 'Q+ -> x9'", "and 80 more"]),
         (workbook.flag(), 1, ["1", "True or False"]),
         (workbook.flag(), "yes", ["'yes'", "True or False"]),
         (workbook.choice("Y", "delta"), "y", ["'y'", "'Y', 'delta'"]),
