@@ -1,0 +1,1 @@
+"""Thesis 7: steady-state set-valued fault detection."""
