@@ -260,7 +260,7 @@ def _named(label: str, said: Judged, onset: float) -> dict[str, Any]:
     counts = said.classified is not None and said.first is not None and said.first >= onset
     early_dry = said.dry is not None and said.dry >= onset
     return {
-        f"{label}_class": said.classified.fault if counts and said.classified else "",
+        f"{label}_class": said.classified.fault if counts and said.classified else None,
         f"{label}_estimate": said.classified.size if counts and said.classified else None,
         f"{label}_class_delay": said.classified_at - onset if counts and said.classified_at is not None else None,
         f"{label}_dry_delay": said.dry - onset if early_dry and said.dry is not None else None,

@@ -29,6 +29,7 @@ SCHEMES: dict[str, str] = {
     "limits": "pumplib.campaign.limits",
     "residual": "pumplib.campaign.residual",
     "run_length": "pumplib.campaign.run_length",
+    "stator": "pumplib.campaign.stator",
 }
 """Name of a scheme to the module, or ``module:object``, that holds it."""
 

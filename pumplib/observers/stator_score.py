@@ -34,7 +34,7 @@ from pumplib.testbench.faults import Fault
 from pumplib.testbench.machine import source
 from pumplib.testbench.measurement import measure
 from pumplib.testbench.run import Bench, draw_bench, play, read
-from pumplib.testbench.scenario import Course, Scenario, draw_course
+from pumplib.testbench.scenario import INVERTER, Course, Scenario, draw_course
 from pumplib.testbench.sensors import FastSignals
 from pumplib.testbench.simulate import STEP, Truth
 
@@ -145,8 +145,11 @@ def _course(settings: ScoreSettings, scenario: Scenario, rng: np.random.Generato
         # the profile's voltage is that of a winding: the same machine in delta hangs on a lower line voltage
         course = replace(course, supply=replace(course.supply, amplitude=course.supply.amplitude / math.sqrt(3)))
     if settings.supply == "pwm":
-        dead = source(dc_link=560.0, switching_hz=4000.0, dead_time_s=2e-6)
-        course = replace(course, wave=course.wave._replace(dead=dead.dead, inv_dead_i=dead.inv_dead_i))
+        pulses = source(**INVERTER)
+        wave = course.wave._replace(
+            dead=pulses.dead, inv_dead_i=pulses.inv_dead_i, link=pulses.link, carrier=pulses.carrier
+        )
+        course = replace(course, wave=wave)  # beside the harmonics of the profile
     return course
 
 
