@@ -8,9 +8,9 @@ all others are unseen and counted apart, and so are the files that look mislabel
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +116,9 @@ class GroupCount:
     faults, found : int
         Files with a short, and those detected.
     phase_right : int
-        Files with a short whose nearest sector is the labelled phase, detected or not.
+        Files with a short whose nearest sector is the labelled phase, detected or not; by chance one of three.
+    diagnosed : int
+        Files with a short that are detected, with the labelled phase.
     healthy, false_alarms : int
         Healthy files, and those detected.
     severity_rms : float
@@ -126,6 +128,7 @@ class GroupCount:
     faults: int
     found: int
     phase_right: int
+    diagnosed: int
     healthy: int
     false_alarms: int
     severity_rms: float
@@ -244,6 +247,7 @@ def count_rows(rows: Iterable[ScoredRecord]) -> GroupCount:
         faults=len(faulty),
         found=sum(row.verdict.detected for row in faulty),
         phase_right=sum(row.verdict.phase == row.record.phase for row in faulty),
+        diagnosed=sum(row.said == row.record.phase for row in faulty),
         healthy=len(healthy),
         false_alarms=sum(row.verdict.detected for row in healthy),
         severity_rms=math.sqrt(np.mean([row.severity_error**2 for row in faulty])) if faulty else float("nan"),
@@ -312,14 +316,11 @@ def _learning(records: Sequence[CurrentRecord], learn: Sequence[int] | None) -> 
     return [record for record in healthy if record.repetition in learn]
 
 
-def _verdict(judge: CurrentReference, rate: float, record: CurrentRecord) -> CurrentVerdict:
-    return score_currents(judge, record.currents, rate)
-
-
-def _usable[T](record: CurrentRecord, use: Callable[[CurrentRecord], T]) -> T:
-    """What `use` makes of the record; an error says which record it was."""
+@contextmanager
+def _about(record: CurrentRecord) -> Iterator[None]:
+    """Say in an error which record it was."""
     try:
-        return use(record)
+        yield
     except DataError as error:
         raise DataError(f"{record.name}: {error}") from error
 
@@ -367,15 +368,16 @@ def score_records(
     rule = reference.convention if reference is not None else convention or Convention()
     known = [] if reference is not None else _learning(records, learn)
     for record in known:
-        _usable(record, lambda one: fundamental(one.currents, rate, rule.frequency))
+        with _about(record):
+            fundamental(record.currents, rate, rule.frequency)
     base = reference or current_reference([record.currents for record in known], rate, rule)
     rows = []
     for record in records:
         judge = base
         if any(record is one for one in known):
             judge = current_reference([one.currents for one in known if one is not record], rate, rule)
-        verdict = _usable(record, partial(_verdict, judge, rate))
-        rows.append(ScoredRecord(record=record, verdict=verdict))
+        with _about(record):
+            rows.append(ScoredRecord(record=record, verdict=score_currents(judge, record.currents, rate)))
     return CurrentScore(reference=base, learnt_from=tuple(one.name for one in known), rows=tuple(rows))
 
 
@@ -417,7 +419,7 @@ def fit_convention(score: CurrentScore, straight: bool = True) -> Convention:
 
     The threshold is the geometric mean of the largest deviation of a healthy record and the smallest difference of
     a short: as far from the one as from the other by ratio. Angles, each turned back by the place of its phase, are
-    fitted by a line in \\|d\\|; the severity by a proportion.
+    fitted by a line in the size of the difference; the severity by a proportion.
 
     Parameters
     ----------

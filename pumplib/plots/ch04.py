@@ -83,7 +83,7 @@ def propagation_matrices(
     fault_may, fault_must : array_like of bool, shape (r, m)
         A_f from all and from the must entries.
     disturbances : sequence of str, length p
-        Columns of A_d, at least one.
+        Columns of A_d; none leaves A_d out.
     disturbance_may : array_like of bool, shape (r, p)
         A_d from all entries; what counts for robustness.
     disturbance_must : array_like of bool, shape (r, p), optional
@@ -100,8 +100,8 @@ def propagation_matrices(
     """
     if len(groups) != len(faults):
         raise DataError(f"groups: {len(groups)} names, but there are {len(faults)} faults; give one a fault.")
-    if not rows or not faults or not disturbances:
-        raise DataError("propagation matrices: give at least one row, one fault and one disturbing event.")
+    if not rows or not faults:
+        raise DataError("propagation matrices: give at least one row and one fault.")
     spans = _spans(groups)
     panels = [
         ("A_f", faults, checked_matrix("fault_may", fault_may, rows, faults),
@@ -109,11 +109,14 @@ def propagation_matrices(
     ]  # fmt: skip
     touching = checked_matrix("disturbance_may", disturbance_may, rows, disturbances)
     sure_touch = touching if disturbance_must is None else disturbance_must
-    panels.append(("A_d", disturbances, touching, checked_matrix("disturbance_must", sure_touch, rows, disturbances)))
-    touched: Array = np.any(panels[1][2], axis=1)
+    sure_touch = checked_matrix("disturbance_must", sure_touch, rows, disturbances)
+    if disturbances:
+        panels.append(("A_d", disturbances, touching, sure_touch))
+    touched: Array = np.any(touching, axis=1)
     with style():
         figure = Figure(figsize=(PAGE, 1.35 + 0.165 * len(rows)))
-        axes = figure.subplots(1, 2, width_ratios=(len(faults), len(disturbances)), sharey=True)
+        widths = [len(columns) for _, columns, _, _ in panels]
+        axes = figure.subplots(1, len(panels), width_ratios=widths, sharey=True, squeeze=False)[0]
         for ax, (name, columns, may, must) in zip(axes, panels, strict=True):
             if np.any(must & ~may):
                 raise DataError(f"{name}: a must entry is no may entry; the must closure must lie in the may closure.")
@@ -143,10 +146,10 @@ def propagation_matrices(
         handles = [
             Patch(fc=MUST, ec=MUST, label="must"),
             Patch(fc="white", ec=MUST, label="may (?)"),
-            Patch(fc=MASKED, label="row touched by a disturbing event"),
         ]
-        if disturbance_must is None:
-            handles.insert(2, Patch(fc=_TOUCH, label="must or may"))
+        if disturbances:
+            handles += [Patch(fc=_TOUCH, label="must or may")] * (disturbance_must is None)
+            handles.append(Patch(fc=MASKED, label="row touched by a disturbing event"))
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
     return figure
 
