@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -180,6 +181,37 @@ class CurrentScore:
             if (suspect is None or row.record.suspect == suspect) and (unseen is None or row.record.unseen == unseen)
         )
 
+    def restrict(self, which: str) -> "CurrentScore":
+        """Keep the repetitions of the convention, the unseen ones, or all.
+
+        Parameters
+        ----------
+        which : str
+            "all", "convention" or "unseen".
+
+        Returns
+        -------
+        CurrentScore
+            With the same reference.
+
+        Raises
+        ------
+        ParameterError
+            If the word is another one.
+        DataError
+            If there is no such repetition.
+        """
+        unseen = {"all": None, "convention": False, "unseen": True}
+        if which not in unseen:
+            raise ParameterError(f"restrict: which = {which!r}; use one of {', '.join(map(repr, unseen))}.")
+        rows = self.select(unseen=unseen[which])
+        if not rows:
+            raise DataError(
+                f"there is no {which} repetition: present are {', '.join(map(str, self.repetitions)) or 'none'}, the "
+                f"convention was fixed on {', '.join(map(str, CONVENTION_REPETITIONS))}; add files or choose all."
+            )
+        return replace(self, rows=rows)
+
     def count(self, *, suspect: bool | None = None, unseen: bool | None = None) -> GroupCount:
         """Count what was found in a group.
 
@@ -194,18 +226,38 @@ class CurrentScore:
         """
         return count_rows(self.select(suspect=suspect, unseen=unseen))
 
+    def worst_angle(self) -> float:
+        """Largest angle between a short and the centre of its labelled sector, suspect files left out.
+
+        Returns
+        -------
+        float
+            rad; beyond pi/3 the phase is wrong. NaN without a short.
+        """
+        rule = self.reference.convention
+        angles = []
+        for row in self.select(suspect=False):
+            if row.record.phase:
+                centre = rule.offset - rule.turn * row.size + 2 * math.pi / 3 * PHASES.index(row.record.phase)
+                angles.append(abs(math.remainder(float(np.angle(row.verdict.difference)) - centre, 2 * math.pi)))
+        return max(angles, default=float("nan"))
+
     def groups(self) -> dict[str, GroupCount]:
-        """Counts of the groups that are to be told apart; groups without a file are left out.
+        """Counts of the groups that are to be told apart; groups without a file, or like one above, are left out.
 
         Returns
         -------
         dict of str to GroupCount
         """
         found: dict[str, GroupCount] = {}
+        kept: list[list[int]] = []
         for when, unseen in (("convention", False), ("unseen", True), ("all repetitions", None)):
             for what, suspect in (("", False), (", suspect files", True), (", with suspect files", None)):
-                if self.select(suspect=suspect, unseen=unseen):
-                    found[when + what] = self.count(suspect=suspect, unseen=unseen)
+                rows = self.select(suspect=suspect, unseen=unseen)
+                same = [id(row) for row in rows]
+                if rows and same not in kept:
+                    kept.append(same)
+                    found[when + what] = count_rows(rows)
         return found
 
     def confusion(self, *, suspect: bool | None = False, unseen: bool | None = None) -> Array:
@@ -414,8 +466,10 @@ def score_folder(
     return score_records(read_currents(folder), rate, convention=convention, learn=learn, reference=reference)
 
 
-def fit_convention(score: CurrentScore, straight: bool = True) -> Convention:
-    """Fit the convention to the repetitions it was fixed on; suspect and unseen files are not looked at.
+def fit_convention(
+    score: CurrentScore, straight: bool = True, repetitions: Sequence[int] = CONVENTION_REPETITIONS
+) -> Convention:
+    """Fit the convention to the repetitions it was fixed on; suspect files and others are not looked at.
 
     The threshold is the geometric mean of the largest deviation of a healthy record and the smallest difference of
     a short: as far from the one as from the other by ratio. Angles, each turned back by the place of its phase, are
@@ -427,6 +481,8 @@ def fit_convention(score: CurrentScore, straight: bool = True) -> Convention:
         Scored records, with any convention: the differences do not depend on it.
     straight : bool
         Whether the angle may fall with the difference; otherwise it is constant.
+    repetitions : sequence of int
+        Repetitions to fit to.
 
     Returns
     -------
@@ -437,12 +493,12 @@ def fit_convention(score: CurrentScore, straight: bool = True) -> Convention:
     DataError
         If a phase or the healthy machine is absent, or healthy records and shorts overlap.
     """
-    rows = score.select(suspect=False, unseen=False)
+    rows = [row for row in score.select(suspect=False) if row.record.repetition in repetitions]
     shorts = [row for row in rows if row.record.phase]
     if {row.record.phase for row in shorts} != set(PHASES) or len(rows) == len(shorts):
         raise DataError(
             "fit_convention: needs healthy records and shorts of all three phases in repetitions "
-            f"{', '.join(map(str, CONVENTION_REPETITIONS))}."
+            f"{', '.join(map(str, repetitions))}."
         )
     place = np.array([PHASES.index(row.record.phase) for row in shorts])
     d = np.array([row.verdict.difference for row in shorts]) * np.exp(-2j * np.pi / 3 * place)
@@ -464,6 +520,79 @@ def fit_convention(score: CurrentScore, straight: bool = True) -> Convention:
         turn=float(turn[0]) if straight else 0.0,
         share=float(LEVEL_SHARE * (level @ size) / (size @ size)),
     )
+
+
+def cross_check(
+    records: Sequence[CurrentRecord], rate: float = 1000.0, convention: Convention | None = None
+) -> dict[str, GroupCount]:
+    """Fit the convention to one of its repetitions and judge the other, suspect files left out.
+
+    Threshold, angles and severity come from one repetition only; the healthy machine is learnt from both, because
+    one record alone has no deviation.
+
+    Parameters
+    ----------
+    records : sequence of CurrentRecord
+        Labelled records with all repetitions of the convention; others are not looked at.
+    rate : float
+        Sampling rate, Hz.
+    convention : Convention, optional
+        Its frequency is used.
+
+    Returns
+    -------
+    dict of str to GroupCount
+        One entry a pair.
+
+    Raises
+    ------
+    DataError
+        See `score_records` and `fit_convention`.
+    ParameterError
+        See `score_records`.
+    """
+    own = [record for record in records if not record.unseen]
+    first = score_records(own, rate, convention=convention, learn=CONVENTION_REPETITIONS)
+    found = {}
+    for one, other in permutations(CONVENTION_REPETITIONS, 2):
+        rule = fit_convention(first, repetitions=(one,))
+        again = score_records(own, rate, convention=rule, learn=CONVENTION_REPETITIONS)
+        rows = [row for row in again.select(suspect=False) if row.record.repetition == other]
+        found[f"fitted to {one}, judged on {other}"] = count_rows(rows)
+    return found
+
+
+def spread_within(record: CurrentRecord, rate: float = 1000.0, frequency: float = 60.0, windows: int = 4) -> float:
+    """Standard deviation of I_2/I_1 between equal windows of one record.
+
+    Parameters
+    ----------
+    record : CurrentRecord
+        The record.
+    rate : float
+        Sampling rate, Hz.
+    frequency : float
+        Nominal frequency, Hz.
+    windows : int
+        Number of windows, at least 2.
+
+    Returns
+    -------
+    float
+        Root mean square distance from the mean of the windows, with windows - 1 degrees of freedom.
+
+    Raises
+    ------
+    DataError
+        If a window is too short or cannot be used.
+    ParameterError
+        If the number of windows, the rate or the frequency is impossible.
+    """
+    check_value("spread_within", "windows", windows, Quantity("-", "windows of a record", 2, 1000), whole=True)
+    with _about(record):
+        parts = np.array_split(record.currents, windows)
+        q = np.array([fundamental(part, rate, frequency).q for part in parts])
+    return float(np.sqrt(np.sum(np.abs(q - q.mean()) ** 2) / (windows - 1)))
 
 
 def unbalance_gain(motor: Motor, frequency: float) -> complex:

@@ -199,7 +199,18 @@ def _overview_extra(known: dict[str, State]) -> str:
 
 
 def _inputs(layout: Layout, name: str, common: str, known: dict[str, State]) -> str:
-    return states.notebook_inputs(layout, name, common, _overview_extra(known) if name == LAST else "")
+    extra = _overview_extra(known) if name == LAST else ""
+    if b"datasets" in layout.notebook(name).read_bytes():
+        extra += _measured_data()  # more files in the reader's folder are another input
+    return states.notebook_inputs(layout, name, common, extra)
+
+
+def _measured_data() -> str:
+    root = Path(os.environ.get("PUMPLIB_DATA") or "")
+    if not os.environ.get("PUMPLIB_DATA") or not root.is_dir():
+        return ""
+    files = sorted((p.relative_to(root).as_posix(), p.stat().st_size) for p in root.rglob("*") if p.is_file())
+    return hashlib.sha256(repr(files).encode()).hexdigest()
 
 
 def survey(layout: Layout) -> tuple[dict[str, State], set[str]]:
