@@ -89,7 +89,7 @@ def test_figures_of_measured_data_were_compared(fresh: tuple[Path, list[str]]) -
     left_out = [name for name in sorted(REAL_DATA & set(LISTED)) if name not in fresh[1] or not as_committed(name)]
     if left_out:
         pytest.skip(
-            f"figures of {', '.join(left_out)} were not compared: the folder PUMPLIB_DATA has other data or none"
+            f"figures of {', '.join(left_out)} were not compared: PUMPLIB_DATA holds other data or none"
         )
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pumplib.campaign.rates import rate
 from pumplib.errors import DataError
+from pumplib.observers.residual_signature import FAULTS
 
 Array = NDArray[Any]
 NO_ALARM, NO_REST = "no alarm", "not said"
@@ -108,7 +109,7 @@ def confusion(table: Any, monitor: str, sizes: Mapping[str, float]) -> tuple[tup
     faults : tuple of str
         True faults, as in `sizes`.
     statements : tuple of str
-        The faults, "none" (no fault fits), "not said" (alarm, but too little rest to say; or a false alarm before) and
+        All faults, "none" (no fault fits), "not said" (alarm, but too little rest to say; or a false alarm before) and
         "no alarm".
     counts : ndarray of int, shape (faults, statements)
 
@@ -118,7 +119,7 @@ def confusion(table: Any, monitor: str, sizes: Mapping[str, float]) -> tuple[tup
         If there is no run of a fault and size.
     """
     faults = tuple(sizes)
-    statements = (*faults, "none", NO_REST, NO_ALARM)
+    statements = (*FAULTS, "none", NO_REST, NO_ALARM)
     counts = np.zeros((len(faults), len(statements)), dtype=int)
     for i, (fault, size) in enumerate(sizes.items()):
         rows = _runs(table, fault, size)
@@ -155,6 +156,30 @@ def hits(table: Any, column: str, sizes: Mapping[str, float]) -> dict[str, tuple
         rows = _runs(table, fault, size)
         found[fault] = (int(rows[column].sum()), len(rows))
     return found
+
+
+def smallest(found: Mapping[str, tuple[int, int]]) -> tuple[str, int, int]:
+    """Fault with the smallest rate.
+
+    Parameters
+    ----------
+    found : mapping of str to tuple of int
+        Hits and runs by fault, of `hits`.
+
+    Returns
+    -------
+    fault : str
+    hits, runs : int
+
+    Raises
+    ------
+    DataError
+        If there is none.
+    """
+    if not found:
+        raise DataError("smallest: no fault is given; take the result of hits.")
+    fault = min(found, key=lambda one: found[one][0] / found[one][1])
+    return fault, *found[fault]
 
 
 def same_rows(table: Any, run: int, repeated: Sequence[Mapping[str, Any]], tolerance: float = 1e-9) -> str:

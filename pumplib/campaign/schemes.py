@@ -26,10 +26,12 @@ Value = float | int | str | bool | None
 Row = Mapping[str, Value]
 
 SCHEMES: dict[str, str] = {
+    "events": "pumplib.campaign.events",
     "limits": "pumplib.campaign.limits",
     "residual": "pumplib.campaign.residual",
     "run_length": "pumplib.campaign.run_length",
     "stator": "pumplib.campaign.stator",
+    "steady": "pumplib.campaign.steady",
 }
 """Name of a scheme to the module, or ``module:object``, that holds it."""
 

@@ -1,169 +1,25 @@
-"""Thesis 5.3: tables of the Monte Carlo campaigns of the stator observer: thresholds, detection, phase, delay, size.
+"""Thesis 5.3: tables of the Monte Carlo campaigns of the stator observer: detection, phase, delay, size.
 
-Every statistic gets its threshold by one rule from the same healthy runs, a factor over the largest of them, so the
-observer and its baselines are compared at an equal designed rate of false alarms. Runs with the role "threshold" only
-set thresholds; false alarms are counted in those with the role "healthy".
+Rows are plain mappings: the conditions of the runs, the fault, and the result with its exact limits.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pumplib.campaign.rates import clopper_pearson, quantile
-from pumplib.campaign.results import RESULTS, Result, read
-from pumplib.errors import DataError, ParameterError
-from pumplib.machines.quantity import Quantity, check_value
-from pumplib.observers.stator_score import ScoreSettings
+from pumplib.campaign.stator_runs import CONDITIONS, DETECTORS, MAIN, StatorRuns
+from pumplib.errors import DataError
 
 Array = NDArray[Any]
-DETECTORS = {
-    "statistic": "decision",
-    "statistic_observer": "decision on the observer's own g_c",
-    "compensated": "static compensated I2",
-    "star_point": "star-point voltage",
-    "raw_I2": "raw I2",
-}
-"""Columns that are compared with a threshold, and what they are called."""
-CONDITIONS = ("records", "accuracy", "connection", "rate", "supply")
-"""Settings that a threshold belongs to; a threshold has to hold whatever the operating point does."""
-MARGIN = 1.1
-_MAIN = {"records": 1, "accuracy": "A", "connection": "Y", "rate": 10_000.0, "supply": "grid"}
 _FAULT = ("gamma", "r_f", "loop", "test")
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class StatorRuns:
-    """Runs of all campaigns of the stator observer with the full settings of each.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row a run: ``campaign``, ``cell``, ``role``, ``run``, all settings, all scores.
-    names : tuple of str
-        Campaigns.
-    provenance : tuple of dict
-        Of each.
-    margin : float
-        Factor of the thresholds over the largest healthy value.
-    """
-
-    table: Any
-    names: tuple[str, ...]
-    provenance: tuple[dict[str, Any], ...]
-    margin: float = MARGIN
-
-    def where(self, role: str, **settings: Any) -> Any:
-        """Rows of a role with given settings.
-
-        Parameters
-        ----------
-        role : str
-            "threshold", "healthy" or "fault".
-        **settings
-            By the names of `ScoreSettings`.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Perhaps empty.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such setting.
-        """
-        rows = self.table[self.table["role"] == role]
-        for name, value in settings.items():
-            if name not in ScoreSettings.__dataclass_fields__:
-                raise ParameterError(
-                    f"setting {name!r}: must be one of {', '.join(ScoreSettings.__dataclass_fields__)}."
-                )
-            rows = rows[np.isclose(rows[name], value) if isinstance(value, float) else rows[name] == value]
-        return rows
-
-    def threshold(self, detector: str, **conditions: Any) -> float:
-        """Threshold of a detector under given conditions.
-
-        Parameters
-        ----------
-        detector : str
-            Of `DETECTORS`.
-        **conditions
-            Of `CONDITIONS`; those left out are one record, accuracy A, Y, 10 kHz, grid.
-
-        Returns
-        -------
-        float
-            NaN where the detector says nothing, as the star point of a delta.
-
-        Raises
-        ------
-        DataError
-            If no run sets a threshold under these conditions.
-        """
-        chosen = {**_MAIN, **conditions}
-        rows = self.where("threshold", **chosen)
-        if rows.empty:
-            words = ", ".join(f"{key} = {value}" for key, value in chosen.items())
-            raise DataError(f"no run with the role threshold under the conditions {words}; add a cell to the campaign.")
-        values = rows[detector].to_numpy(dtype=float)
-        return self.margin * float(np.max(values)) if np.isfinite(values).all() else float("nan")
-
-
-def load_runs(names: Sequence[str] | None = None, folder: Path | None = None) -> StatorRuns | None:
-    """Read the tables of the stator campaigns.
-
-    Parameters
-    ----------
-    names : sequence of str, optional
-        Campaigns; all tables whose name begins with "stator" by default.
-    folder : Path, optional
-        ``data/campaigns/results`` by default.
-
-    Returns
-    -------
-    StatorRuns or None
-        None where there is no table: the campaign was not run.
-
-    Raises
-    ------
-    DataError
-        If a table is damaged or of another scheme.
-    """
-    import pandas as pd
-
-    if names is None:
-        names = sorted(path.name[: -len(".csv.gz")] for path in (folder or RESULTS).glob("stator*.csv.gz"))
-    if not names:
-        return None
-    results = [read(name, folder) for name in names]
-    return StatorRuns(
-        table=pd.concat([_with_settings(one) for one in results], ignore_index=True),
-        names=tuple(names),
-        provenance=tuple(one.provenance for one in results),
-    )
-
-
-def _with_settings(result: Result) -> Any:
-    table = result.table.copy()
-    defaults = asdict(ScoreSettings())
-    cells = {one["name"]: {**defaults, **one["settings"]} for one in result.provenance["definition"]["cells"]}
-    missing = [name for name in DETECTORS if name not in table]
-    if missing:
-        raise DataError(f"results of {result.name}: column {missing[0]!r} is absent; is it of the stator's scheme?")
-    for name in defaults:
-        table[name] = [cells[cell][name] for cell in table["cell"]]
-    table.insert(0, "campaign", result.name)
-    return table
 
 
 def _rate(hits: Array) -> dict[str, Any]:
     one = clopper_pearson(int(np.sum(hits)), len(hits))
-    return {"runs": one.n, "hits": int(np.sum(hits)), "rate": one.value, "low": one.low, "high": one.high}
+    return {"runs": one.n, "hits": int(np.sum(hits)), "share": one.value, "low": one.low, "high": one.high}
 
 
 def conditions_of(runs: StatorRuns) -> list[dict[str, Any]]:
@@ -181,7 +37,7 @@ def conditions_of(runs: StatorRuns) -> list[dict[str, Any]]:
     """
     rows = runs.table[runs.table["role"] == "threshold"][list(CONDITIONS)].drop_duplicates()
     found = [{str(key): value for key, value in row.items()} for row in rows.to_dict("records")]
-    return sorted(found, key=lambda one: one != _MAIN)
+    return sorted(found, key=lambda one: one != MAIN)
 
 
 def false_alarms(runs: StatorRuns, detectors: Iterable[str] = tuple(DETECTORS)) -> list[dict[str, Any]]:
@@ -197,7 +53,7 @@ def false_alarms(runs: StatorRuns, detectors: Iterable[str] = tuple(DETECTORS)) 
     Returns
     -------
     list of dict
-        Conditions, ``detector``, ``threshold``, ``set by`` (runs), ``runs``, ``hits``, ``rate``, exact limits.
+        Conditions, ``detector``, ``threshold``, ``set by`` (runs), ``runs``, ``hits``, ``share``, exact limits.
     """
     found = []
     for chosen in conditions_of(runs):
@@ -226,7 +82,7 @@ def detections(runs: StatorRuns, detectors: Iterable[str] = tuple(DETECTORS)) ->
     Returns
     -------
     list of dict
-        Conditions, ``gamma``, ``r_f``, ``loop``, ``test``, ``detector``, ``runs``, ``hits``, ``rate``, exact limits.
+        Conditions, ``gamma``, ``r_f``, ``loop``, ``test``, ``detector``, ``runs``, ``hits``, ``share``, exact limits.
         Conditions without a threshold of their own are left out; `unscored` names them.
     """
     found = []
@@ -274,7 +130,7 @@ def phases(runs: StatorRuns) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Conditions, fault, ``runs``, ``hits`` (phase right, alarmed or not), ``rate``, exact limits, ``wrong alarms``
+        Conditions, fault, ``runs``, ``hits`` (phase right, alarmed or not), ``share``, exact limits, ``wrong alarms``
         (share with an alarm and the wrong phase), ``one phase``, ``undecided``, ``two phases``, ``no short`` (shares
         of all runs, were they alarmed).
     """
@@ -359,7 +215,7 @@ def delays(runs: StatorRuns) -> list[dict[str, Any]]:
     return found
 
 
-def claim_rate(rows: Sequence[Mapping[str, Any]], **wanted: Any) -> Mapping[str, Any] | None:
+def find_row(rows: Sequence[Mapping[str, Any]], **wanted: Any) -> Mapping[str, Any] | None:
     """Row of a table with given entries; conditions left out are the main ones, the fault a bolted short of one phase.
 
     Parameters
@@ -379,7 +235,7 @@ def claim_rate(rows: Sequence[Mapping[str, Any]], **wanted: Any) -> Mapping[str,
     DataError
         If several rows fit.
     """
-    fixed = {**_MAIN, **({"r_f": 0.0, "loop": "phase", "test": "drawn"} if "gamma" in wanted else {}), **wanted}
+    fixed = {**MAIN, **({"r_f": 0.0, "loop": "phase", "test": "drawn"} if "gamma" in wanted else {}), **wanted}
 
     def fits(row: Mapping[str, Any]) -> bool:
         return all(
@@ -389,23 +245,95 @@ def claim_rate(rows: Sequence[Mapping[str, Any]], **wanted: Any) -> Mapping[str,
 
     found = [row for row in rows if fits(row)]
     if len(found) > 1:
-        raise DataError(f"claim_rate: {len(found)} rows fit {fixed}; name more of their entries.")
+        raise DataError(f"find_row: {len(found)} rows fit {fixed}; name more of their entries.")
     return found[0] if found else None
 
 
-def scaled(runs: StatorRuns, margin: float) -> StatorRuns:
-    """The same runs judged with another margin of the thresholds.
+def condition_name(row: Mapping[str, Any]) -> str:
+    """Say in which way the conditions of a row differ from the main ones.
 
     Parameters
     ----------
-    runs : StatorRuns
-        The runs.
-    margin : float
-        Factor over the largest healthy value.
+    row : mapping
+        Of a table of this module.
 
     Returns
     -------
-    StatorRuns
+    str
     """
-    check_value("scaled", "margin", margin, Quantity("-", "margin of the thresholds", 0.5, 100.0))
-    return StatorRuns(table=runs.table, names=runs.names, provenance=runs.provenance, margin=float(margin))
+    words = {
+        "records": f"{row['records']} records", "accuracy": f"class {row['accuracy']}",
+        "connection": str(row["connection"]), "rate": f"{float(row['rate']) / 1e3:g} kHz",
+        "supply": str(row["supply"]).upper(),
+    }  # fmt: skip
+    return ", ".join(words[key] for key in CONDITIONS if row[key] != MAIN[key]) or "1 record, A, Y, 10 kHz, grid"
+
+
+def fault_name(row: Mapping[str, Any]) -> str:
+    """Describe the fault of a row.
+
+    Parameters
+    ----------
+    row : mapping
+        Of a table of this module.
+
+    Returns
+    -------
+    str
+    """
+    words = [f"{100 * row['gamma']:g} %"]
+    if row["loop"] == "pair":
+        words.append("between two phases")
+    if row["r_f"] > 0:
+        words.append(f"r_f {row['r_f']:g} ohm")
+    if row["test"] != "drawn":
+        words.append(str(row["test"]).replace("_", " "))
+    return ", ".join(words)
+
+
+def overview(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """Detections or false alarms as a table for people: a line for each condition and fault, a column a detector.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of `detections` or `false_alarms`.
+
+    Returns
+    -------
+    list of dict
+        Percent with exact 95 % limits; "-" where a detector says nothing.
+    """
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for row in rows:
+        key = (condition_name(row), fault_name(row) if "gamma" in row else "healthy")
+        blank = {"conditions": key[0], "fault": key[1], "runs": str(row["runs"])} | dict.fromkeys(
+            DETECTORS.values(), "-"
+        )
+        line = found.setdefault(key, blank)
+        line[row["detector"]] = f"{100 * row['share']:.1f} ({100 * row['low']:.1f}-{100 * row['high']:.1f})"
+    return list(found.values())
+
+
+def baseline_ratio(rows: Sequence[Mapping[str, Any]], gamma: float) -> tuple[float, int] | None:
+    """How many times more often the decision detects than raw |I2|, at an equal rule for false alarms.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of `detections`.
+    gamma : float
+        Shorted share of the turns.
+
+    Returns
+    -------
+    ratio : float
+        Where raw |I2| detected nothing at all, the upper limit of its share takes its place.
+    runs : int
+        None in place of both where the campaign holds no such runs.
+    """
+    ours = find_row(rows, gamma=gamma, detector=DETECTORS["statistic"])
+    raw = find_row(rows, gamma=gamma, detector=DETECTORS["raw_I2"])
+    if ours is None or raw is None:
+        return None
+    return float(ours["share"] / (raw["share"] or raw["high"])), int(ours["runs"])

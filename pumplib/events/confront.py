@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from pumplib.errors import ParameterError
 from pumplib.events.physics import DISTURBANCES, FAULTS, Disturbance, OperatingPoint, draw_points, steady_state
-from pumplib.events.signals import COMPENSATED, RAW, SIGNALS, Maps, fit_maps, measure, residuals
+from pumplib.events.signals import COMPENSATED, RAW, SIGNALS, Maps, Speed, fit_maps, measure, residuals
 from pumplib.machines.parameters import Motor
 from pumplib.machines.profiles import profile_machine
 from pumplib.observers.stator_design import design_gain
 from pumplib.propagation import Effects
-from pumplib.propagation.symbols import MINUS, PLUS, observable
+from pumplib.propagation.symbols import MINUS, PLUS, ZERO, observable
 from pumplib.testbench.machine import BenchMachine
 from pumplib.testbench.scenario import draw_machine
 from pumplib.testbench.simulate import STEP
@@ -37,6 +37,7 @@ FLOOR = {"yZn": 2e-3, "ymc": 2e-4, "yLT": 0.0, "yrT": 0.01, "yrH": 1500.0, "yrTH
 """Smallest thresholds of the compensated signals (-, -, N m, N m, Pa, N m, Pa): the bias of the profile's pressure
 sensor, and what is left of noise in a mean."""
 NONE = "none"
+SPEEDS = ("observer", "circuit")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -56,7 +57,8 @@ class Contradiction:
     point : int
         Operating point.
     entries : tuple of str
-        Table entries that lead to the signal.
+        Table entries that lead from the fault or the disturbing event into the signal; all of the signal's if none
+        does.
     """
 
     fault: str
@@ -85,6 +87,8 @@ class Confrontation:
         Axes; the first fault and the first disturbing event are "none".
     sign : ndarray of int8, shape (faults, disturbances, points, signals)
         -1, 0, 1: deviation below, within, above the thresholds.
+    deviation : ndarray, shape (faults, disturbances, points, signals)
+        The same in thresholds.
     allowed : ndarray of uint8, shape (faults, disturbances, signals)
         Sets of symbols that the tables allow, see `pumplib.propagation.symbols`.
     thresholds : dict
@@ -97,6 +101,7 @@ class Confrontation:
     disturbances: tuple[str, ...]
     signals: tuple[str, ...]
     sign: Array
+    deviation: Array
     allowed: Array
     thresholds: dict[str, float]
     contradictions: tuple[Contradiction, ...]
@@ -117,10 +122,41 @@ class Confrontation:
         flat = self.sign.reshape(len(self.faults), -1, len(self.signals))
         return np.stack([np.mean(flat == s, axis=1).T for s in (-1, 0, 1)], axis=-1)
 
+    def predicted(self) -> Array:
+        """Symbols that the tables allow, disturbing events pooled.
 
-def ambiguous_cells(effects: Effects, signals: Iterable[str] = ("yI", "yP", "yw", "yQ", "ydp", "ypin", "yrT", "yrH",
-                    "yrTH", "yLT", "yrpin"), faults: Iterable[str] = ("HY1", "HY2", "HY3", "HY4", "MP3", "MM1", "MP2",
-                    "IN1")) -> tuple[int, int]:  # fmt: skip
+        Returns
+        -------
+        ndarray of bool, shape (signals, faults, 3)
+            Of -, 0, +.
+        """
+        pooled = np.bitwise_or.reduce(self.allowed, axis=1).T
+        return np.stack([(pooled & code) != 0 for code in (MINUS, ZERO, PLUS)], axis=-1)
+
+    def largest(self, fault: str, signal: str) -> float:
+        """Largest deviation of a signal under a fault, over disturbing events and operating points.
+
+        Parameters
+        ----------
+        fault, signal : str
+            Of `faults` and `signals`.
+
+        Returns
+        -------
+        float
+            In thresholds, with its sign.
+        """
+        found = self.deviation[self.faults.index(fault), ..., self.signals.index(signal)].ravel()
+        return float(found[np.argmax(np.abs(found))])
+
+
+CELL_SIGNALS = ("yI", "yP", "yw", "yQ", "ydp", "ypin", "yrT", "yrH", "yrTH", "yLT", "yrpin")
+CELL_FAULTS = ("HY1", "HY2", "HY3", "HY4", "MP3", "MM1", "MP2", "IN1")
+
+
+def ambiguous_cells(
+    effects: Effects, signals: Iterable[str] = CELL_SIGNALS, faults: Iterable[str] = CELL_FAULTS
+) -> tuple[int, int]:
     """Fault cells whose sign the tables leave open, and all cells.
 
     Parameters
@@ -146,6 +182,7 @@ def confront(
     points: int = 6,
     faults: Iterable[str] | None = None,
     training: int = 16,
+    speed: Speed = "observer",
 ) -> Confrontation:
     """Compare the bench with the tables.
 
@@ -163,6 +200,9 @@ def confront(
         See `pumplib.events.physics.FAULTS`; all that the effects know if left out.
     training : int
         Operating points for maps and thresholds.
+    speed : {"observer", "circuit"}
+        Speed and torque from the observer of chapter 5, or from the plain equivalent circuit, which takes the
+        current of a short for load.
 
     Returns
     -------
@@ -173,14 +213,17 @@ def confront(
     ParameterError
         If the bench cannot act out a fault or an event, or numbers are too small.
     """
+    if speed not in SPEEDS:
+        raise ParameterError(f"confront: speed = {speed!r}: must be one of {', '.join(SPEEDS)}.")
     if points < 1 or training < 8:
         raise ParameterError(f"confront: points = {points}, training = {training}: at least 1 and 8 are needed.")
     chosen = tuple(faults) if faults is not None else tuple(name for name in FAULTS if name in effects.faults)
     events = tuple(disturbances)
-    for name, known in (*((f, FAULTS) for f in chosen), *((d, DISTURBANCES) for d in events)):
-        if name not in known:
-            raise ParameterError(f"confront: the bench cannot act out {name!r}; it knows {', '.join(known)}.")
-    bench = _Bench(draw_machine("pump", rng), profile_machine("pump").motor, rng)
+    for names, known in ((chosen, tuple(FAULTS)), (events, tuple(DISTURBANCES))):
+        for name in names:
+            if name not in known:
+                raise ParameterError(f"confront: the bench cannot act out {name!r}; it knows {', '.join(known)}.")
+    bench = _Bench(draw_machine("pump", rng), profile_machine("pump").motor, rng, speed)
     maps, thresholds = _taught(bench, events, draw_points(training, rng))
     kept = tuple(name for name in SIGNALS if name in effects.signals)
     at = [effects.signals.index(name) for name in kept]
@@ -207,7 +250,7 @@ def confront(
             allowed[f, d] = observable(np.zeros(len(kept), np.uint8), may, hit)
     found_wrong = _contradictions(effects, (NONE, *chosen), (NONE, *events), kept, sign, size, allowed)
     return Confrontation(
-        faults=(NONE, *chosen), disturbances=(NONE, *events), signals=kept, sign=sign, allowed=allowed,
+        faults=(NONE, *chosen), disturbances=(NONE, *events), signals=kept, sign=sign, deviation=size, allowed=allowed,
         thresholds=thresholds, contradictions=found_wrong,
     )  # fmt: skip
 
@@ -215,13 +258,15 @@ def confront(
 class _Bench:
     """A machine whose winding is a little different in every state, and what is measured on it."""
 
-    def __init__(self, machine: BenchMachine, motor: Motor, rng: np.random.Generator) -> None:
-        self.machine, self.motor, self.rng = machine, motor, rng
+    def __init__(self, machine: BenchMachine, motor: Motor, rng: np.random.Generator, speed: Speed) -> None:
+        self.machine, self.motor, self.rng, self.speed = machine, motor, rng, speed
         self.gain = design_gain(motor, 1 / STEP)[0]
 
-    def measure(self, place: OperatingPoint, condition: Disturbance, fault: Mapping[str, float]) -> dict[str, float]:
-        drift = self.rng.uniform(*DRIFT)
-        return measure(steady_state(self.machine, place, condition, fault, drift), self.motor, self.gain)
+    def measure(
+        self, place: OperatingPoint, condition: Disturbance, fault: Mapping[str, float], drift: float | None = None
+    ) -> dict[str, float]:
+        drift = self.rng.uniform(*DRIFT) if drift is None else drift
+        return measure(steady_state(self.machine, place, condition, fault, drift), self.motor, self.gain, self.speed)
 
 
 def _taught(
@@ -230,7 +275,9 @@ def _taught(
     """Maps and thresholds from healthy states with and without disturbing events."""
     calm = [bench.measure(place, Disturbance(), {}) for place in places]
     maps = fit_maps(calm, bench.motor)
-    disturbed = [bench.measure(place, DISTURBANCES[event], {}) for event in events for place in places[::2]]
+    # thresholds have to lie above the drift of the winding, so its ends are taught in turns
+    turns = [(place, DRIFT[k % 2]) for k, place in enumerate(places)]
+    disturbed = [bench.measure(place, DISTURBANCES[event], {}, end) for event in events for place, end in turns]
     largest = dict(FLOOR)
     for found in (*calm, *disturbed):
         values = residuals(found, maps) | {"yZn": found["yZn"], "ymc": found["ymc"]}
@@ -271,11 +318,23 @@ def _contradictions(
             Contradiction(
                 fault=faults[f], disturbance=events[d], signal=signals[s], sign="+" if sign[f, d, k, s] > 0 else "-",
                 allowed=symbols or "0", deviation=float(abs(size[f, d, k, s])), point=int(k),
-                entries=tuple(
-                    f"{edge.component}: {edge.cause} -> {edge.effect}"
-                    for edge in effects.system.edges
-                    if edge.effect[:-1] == signals[s]
-                ),
+                entries=_entries(effects, faults[f], events[d], signals[s]),
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def _entries(effects: Effects, fault: str, event: str, signal: str) -> tuple[str, ...]:
+    """Table entries into a signal whose cause the fault or the disturbing event can raise."""
+    system = effects.system
+    raised = {one.event for one in system.fault(fault).effects} if fault != NONE else set()
+    raised |= {one.event for one in system.disturbance(event).effects} if event != NONE else set()
+    waiting = list(raised)
+    while waiting:
+        now = waiting.pop()
+        new = {edge.effect for edge in system.edges if edge.cause == now and edge.kind == "effect"} - raised
+        raised |= new
+        waiting += new
+    last = [edge for edge in system.edges if edge.effect in system.signal(signal).symbols]
+    leading = [edge for edge in last if edge.cause in raised and edge.kind == "effect"]
+    return tuple(f"{edge.component}: {edge.id}" for edge in leading or last)

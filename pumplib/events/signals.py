@@ -5,19 +5,22 @@ plant. Signals that the bench cannot act out (temperature, broad-band vibration)
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pumplib.errors import DataError
 from pumplib.events.physics import SteadyState
 from pumplib.machines.parameters import Motor
-from pumplib.motor.frames import to_space_vector, zero_sequence
+from pumplib.motor.frames import zero_sequence
 from pumplib.observers.certificate import Gain
 from pumplib.observers.stator import observe
+from pumplib.observers.stator_sequences import admittance
 from pumplib.testbench.simulate import STEP
 
 Array = NDArray[Any]
+Speed = Literal["observer", "circuit"]
 RAW = ("yI", "yP", "yw", "yQ", "ydp", "ypin", "yIn", "yI0")
 COMPENSATED = ("yZn", "ymc", "yLT", "yrT", "yrH", "yrTH", "yrpin")
 SIGNALS = RAW + COMPENSATED
@@ -42,6 +45,11 @@ class Maps:
     torque: Array
 
 
+def _vector(x: Array) -> Array:
+    """Space vector of phase quantities, written out: a matrix product wakes all threads of the library for it."""
+    return np.asarray((2 * x[:, 0] - x[:, 1] - x[:, 2]) / 3 + 1j * (x[:, 1] - x[:, 2]) / np.sqrt(3))
+
+
 def phasors(state: SteadyState) -> tuple[complex, complex, complex, complex, float]:
     """Sequence components of voltage and current over the window, and the amplitude of the sum of the currents.
 
@@ -58,7 +66,7 @@ def phasors(state: SteadyState) -> tuple[complex, complex, complex, complex, flo
         Zero sequence of the line currents, A.
     """
     fast = state.truth.fast
-    v, i = to_space_vector(fast[:, :3]), to_space_vector(fast[:, 3:6])
+    v, i = _vector(fast[:, :3]), _vector(fast[:, 3:6])
     t = STEP * np.arange(len(v))
     window = np.hanning(len(v))
     window /= window.sum()
@@ -97,6 +105,49 @@ def speed_and_torque(state: SteadyState, motor: Motor, gain: Gain) -> tuple[floa
     return float(found.omega[last].mean()), float(found.T_e[last].mean()), 3 * float(abs(found.g_c[last].mean()))
 
 
+def circuit_speed_and_torque(v_1: complex, i_1: complex, hertz: float, motor: Motor) -> tuple[float, float]:
+    """Speed and torque as the plain equivalent circuit sees them: what chapter 5's observer is compared with.
+
+    The power that the motor takes belongs to one slip; the current of a shorted loop is taken for load.
+
+    Parameters
+    ----------
+    v_1, i_1 : complex
+        Positive sequence, V and A.
+    hertz : float
+        Supply frequency, Hz.
+    motor : Motor
+        Believed motor.
+
+    Returns
+    -------
+    omega, T_e : float
+        rad/s, N m.
+
+    Raises
+    ------
+    DataError
+        If no speed between 80 % of synchronism and synchronism takes that power.
+    """
+    from scipy.optimize import brentq
+
+    omega_s = 2 * np.pi * hertz
+    taken = float((v_1 * np.conj(i_1)).real)
+
+    def more(omega: float) -> float:
+        Y = admittance(motor, np.array(omega_s), np.array(omega))
+        return float(abs(v_1) ** 2 * Y.real) - taken
+
+    if more(0.8 * omega_s) * more(omega_s) > 0:
+        raise DataError(
+            f"circuit_speed_and_torque: {1.5 * taken:.4g} W at {abs(v_1):.4g} V, {hertz:.3g} Hz belongs to no slip "
+            "between 0 and 0.2; check scaling and believed motor."
+        )
+    omega = float(brentq(more, 0.8 * omega_s, omega_s))
+    gap = 1.5 * (taken - motor.r_s * abs(i_1) ** 2)
+    return omega / motor.z_p, float(gap * motor.z_p / omega_s)
+
+
 def sideband(state: SteadyState, i_1: complex, omega: float) -> float:
     """Amplitude of the current at the supply plus the shaft frequency, relative to the fundamental.
 
@@ -113,7 +164,7 @@ def sideband(state: SteadyState, i_1: complex, omega: float) -> float:
     -------
     float
     """
-    i = to_space_vector(state.truth.fast[:, 3:6])
+    i = _vector(state.truth.fast[:, 3:6])
     t = STEP * np.arange(len(i))
     rest = i - i_1 * np.exp(2j * np.pi * state.hertz * t)
     window = np.hanning(len(i))
@@ -136,7 +187,7 @@ def regressors(omega: Array, Q: Array) -> Array:
     return np.column_stack((omega, omega**2, omega * Q, -(Q**2)))
 
 
-def measure(state: SteadyState, motor: Motor, gain: Gain) -> dict[str, float]:
+def measure(state: SteadyState, motor: Motor, gain: Gain, speed: Speed = "observer") -> dict[str, float]:
     """Measured quantities of a steady state.
 
     Parameters
@@ -147,6 +198,8 @@ def measure(state: SteadyState, motor: Motor, gain: Gain) -> dict[str, float]:
         Believed motor.
     gain : Gain
         Of the motor's observer.
+    speed : {"observer", "circuit"}
+        Where speed and torque come from.
 
     Returns
     -------
@@ -155,6 +208,8 @@ def measure(state: SteadyState, motor: Motor, gain: Gain) -> dict[str, float]:
     """
     v_1, i_1, _, i_2, i_0 = phasors(state)
     omega, T_e, g = speed_and_torque(state, motor, gain)
+    if speed == "circuit":
+        omega, T_e = circuit_speed_and_torque(v_1, i_1, state.hertz, motor)
     tick = state.truth
     H, Q = float(tick["H_p"].mean()), float(tick["Q"].mean())
     flow = float(tick["Q_p"].mean())

@@ -17,7 +17,7 @@ from pumplib.decide import CusumSettings
 from pumplib.errors import ParameterError
 from pumplib.machines import Motor
 from pumplib.machines.quantity import Choice, Parameters, Quantity, check_value
-from pumplib.motor.short_identify import fault_coefficient
+from pumplib.motor.short_identify import fault_coefficient, stator_impedance
 from pumplib.observers.certificate import Certificate, Gain
 from pumplib.observers.stator import Estimates, observe
 from pumplib.observers.stator_alarm import fault_signal, run_alarm, tune_alarm
@@ -37,6 +37,7 @@ from pumplib.testbench.simulate import Truth
 Array = NDArray[Any]
 WINDOW = 0.5  # s, of a decision
 _QUIET = 4  # healthy runs that tune the fast alarm
+_LARGE = 0.03  # share of the turns it is for: half of it is above what changes of the supply do to a healthy machine
 _TIMES = 100.0  # Hz, of the sliding statistic
 
 
@@ -110,7 +111,7 @@ class Tested:
     alarm, fast_alarm : float or None
         First time of the statistic above the threshold, and of the alarm on the fault coefficient, s.
     g_true : complex ndarray, shape (m,)
-        Fault coefficient that the true loop gives at the times of the estimates.
+        Fault coefficient that the true loop gives at the times of the estimates, with the believed impedance.
     """
 
     course: Course
@@ -210,7 +211,7 @@ def set_up(conditions: Conditions, rng: Generator) -> StatorMachine:
     quiet = [fault_signal(healthy_run(False), healthy.reference) for _ in range(_QUIET)]
     return StatorMachine(
         conditions=conditions, bench=bench, motor=motor, gain=gain, certificate=certificate, healthy=healthy,
-        fast_alarm=tune_alarm(quiet, 0.02, margin=2.0),
+        fast_alarm=tune_alarm(quiet, _LARGE, margin=2.0),
     )  # fmt: skip
 
 
@@ -289,11 +290,14 @@ def _true_coefficient(machine: StatorMachine, truth: Truth, course: Course, esti
     loop = fault.size * np.array(LOOPS[fault.phase], dtype=float)
     late = estimates.t >= fault.onset
     hertz = np.interp(estimates.t, truth.t, truth.frequency)
-    warm = float(truth["r_s"][-1])
-    found[late] = fault_coefficient(
-        loop, motor.r_s * warm, motor.L_ls, 2 * np.pi * hertz[late], connection=motor.connection, r_f=fault.r_f,
-        kappa_c=plant.kappa_c,
-    )  # fmt: skip
+    omega_s = 2 * np.pi * hertz[late]
+    r_s = motor.r_s * float(truth["r_s"][-1])
+    g = fault_coefficient(
+        loop, r_s, motor.L_ls, omega_s, connection=motor.connection, r_f=fault.r_f, kappa_c=plant.kappa_c
+    )
+    # the observer refers the current of the branch to the impedance that it believes
+    believed = stator_impedance(machine.motor.r_s, machine.motor.L_ls, omega_s)
+    found[late] = g * np.conj(believed / stator_impedance(r_s, motor.L_ls, omega_s))
     return found
 
 

@@ -19,7 +19,7 @@ from pumplib.steady.enclose import set_model
 from pumplib.steady.membership import Program, ProgramError, Rows, shared_rows
 from pumplib.steady.phasors import torque_and_speed
 from pumplib.steady.relations import UNITS, pump_relations, stack
-from pumplib.steady.sets import MeasurementErrors, ParameterSet, box, join
+from pumplib.steady.sets import MeasurementErrors, ParameterSet, box, join, own_columns
 
 Array = NDArray[Any]
 HEAD = ("a_h0", "a_h1", "a_h2")
@@ -227,6 +227,7 @@ def identify(
     prior: float = 1.0,
     margin: tuple[float, float] | None = None,
     rounds: int = 12,
+    own: tuple[str, ...] = (),
 ) -> Identification:
     """Identify the pump from healthy steady points.
 
@@ -251,6 +252,8 @@ def identify(
     rounds : int
         Largest number of passes; each uses the set of the last one for the remainder of the linearisation. They end
         when the half widths shrink by less than 2 %.
+    own : tuple of str
+        Motor parameters that may differ from point to point within `motor_box`.
 
     Returns
     -------
@@ -261,7 +264,7 @@ def identify(
     DataError
         If the data are too few or collinear, or nothing in the prior box explains them.
     ParameterError
-        If a nominal parameter is missing.
+        If a nominal parameter is missing, or one of `own` is none of the motor's.
 
     References
     ----------
@@ -274,6 +277,10 @@ def identify(
     head, torque = regress(HEAD, A_h, H), regress(TORQUE, A_t, T)
     relations = pump_relations(motor)
     motor_set = box({name: float(nominal[name]) for name in MOTOR}, relative=dict(motor_box or {}), origin="motor box")
+    strange = [name for name in own if name not in MOTOR]
+    if strange:
+        raise ParameterError(f"identify: own = {', '.join(strange)}: must be of {', '.join(MOTOR)}.")
+    single = own_columns(motor_set, own)
     start = (_prior(head, A_h, prior), _prior(torque, A_t, prior))
     first, fits = motor_set.generators.shape[1], (head, torque)
     used = np.zeros(2) if margin is None else np.asarray(margin, dtype=float)
@@ -282,12 +289,12 @@ def identify(
         for _ in range(rounds):
             forms = set_model(relations, join(motor_set, *parts), errors).forms(signals)
             noise = _noise(forms, errors, relations.channels)
-            plain = shared_rows(forms, errors, relations.channels)
+            plain = shared_rows(forms, errors, relations.channels, own=single)
             factor = max(factor, _factor(plain, forms.parameters, noise))
             if factor > 1.0:
-                needed = np.maximum(needed, _margins(plain))
-            rows = shared_rows(forms, errors, relations.channels, margin=used)
-            short = _margins(rows)
+                needed = np.maximum(needed, model_margins(plain))
+            rows = shared_rows(forms, errors, relations.channels, margin=used, own=single)
+            short = model_margins(rows)
             more = margin is None and bool(short.any())
             if more:
                 break  # the remainder that stood in for a model error has shrunk: begin again with more margin
@@ -379,7 +386,7 @@ def _factor(rows: Rows, n_p: int, noise: Array) -> float:
     return float(found.fun) if found.success else np.inf
 
 
-def _margins(rows: Rows) -> Array:
+def model_margins(rows: Rows) -> Array:
     """Smallest additional margins of R1 and R2 that explain the rows, zero if none are needed."""
     from scipy.optimize import linprog
 

@@ -10,6 +10,7 @@ sets explains the samples. The solver's word is not taken for it: with its multi
 weak duality, and only this bound decides, so a tolerance of the solver cannot raise a false alarm.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,6 +60,7 @@ def shared_rows(
     channels: tuple[str, ...],
     outputs: tuple[str, ...] = ("R1", "R2"),
     margin: Array | None = None,
+    own: Sequence[int] = (),
 ) -> Rows:
     """Split affine forms into what samples share and what they do not.
 
@@ -74,6 +76,9 @@ def shared_rows(
         Residuals to use. R3 follows from R1 and R2 and adds nothing here.
     margin : ndarray, shape (outputs,), optional
         Bound of the model's own error, Pa and N m, different in every sample.
+    own : sequence of int, optional
+        Columns of the parameter set that are not shared: those parameters may differ from sample to sample, as
+        inductances do that depend on the flux.
 
     Returns
     -------
@@ -92,8 +97,12 @@ def shared_rows(
     if not np.isfinite(e).all():
         j, o = (int(x) for x in np.argwhere(~np.isfinite(e))[0])
         raise DataError(f"sample {j}: {outputs[o]} is not defined on the whole set; shrink the set or drop the sample.")
-    own = np.abs(k[..., n_p:]) @ (1.0 - share)
-    r = own + e + (0.0 if margin is None else np.asarray(margin, dtype=float))
+    noise = np.abs(k[..., n_p:]) @ (1.0 - share)
+    if len(own):
+        k, single = k.copy(), list(own)
+        noise = noise + np.abs(k[..., single]).sum(axis=-1)
+        k[..., single] = 0.0
+    r = noise + e + (0.0 if margin is None else np.asarray(margin, dtype=float))
     both = np.concatenate((k[..., :n_p], k[..., n_p:] * share), axis=-1)
     # the few roundings of this split, against radii that carry 1e-12 of slack
     return Rows(

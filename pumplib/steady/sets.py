@@ -278,6 +278,40 @@ def join(*parts: ParameterSet) -> ParameterSet:
     )
 
 
+def own_columns(parameters: ParameterSet, names: Sequence[str]) -> list[int]:
+    """Columns of a set that belong to some parameters alone.
+
+    Parameters
+    ----------
+    parameters : ParameterSet
+        The set.
+    names : sequence of str
+        Parameters.
+
+    Returns
+    -------
+    list of int
+        Columns of the generators; none for an exact parameter.
+
+    Raises
+    ------
+    ParameterError
+        If a name is unknown, or its columns move other parameters too.
+    """
+    unknown = [name for name in names if name not in parameters.names]
+    if unknown:
+        raise ParameterError(f"{', '.join(unknown)} unknown; parameters are {', '.join(parameters.names)}.")
+    used = parameters.generators != 0
+    inside = np.array([name in names for name in parameters.names])
+    columns = used[inside].any(axis=0)
+    tied = [
+        name for name, row in zip(parameters.names, used, strict=True) if name not in names and (row & columns).any()
+    ]
+    if tied:
+        raise ParameterError(f"{', '.join(names)} are correlated with {', '.join(tied)} in the set.")
+    return [int(k) for k in np.flatnonzero(columns)]
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MeasurementErrors:
     """Bounds of the measurement errors: |true - measured| <= absolute + relative |measured|.

@@ -31,6 +31,7 @@ from pumplib.steady.membership import Program, Rows, Sizes, shared_rows
 from pumplib.steady.operating import TORQUE_SHARE_CAVITATION, TORQUE_SHARE_DRY
 from pumplib.steady.phasors import torque_and_speed
 from pumplib.steady.relations import Relations, head, load_torque
+from pumplib.steady.sets import own_columns
 
 Array = NDArray[Any]
 HYPOTHESES = ("none", "K_f", "dB", "K_l", "f_c", "f_d")
@@ -134,19 +135,6 @@ class WindowResult:
         return tuple(name for name, verdict in self.verdicts.items() if verdict.possible)
 
 
-def _own_columns(model: SetModel, changing: tuple[str, ...]) -> list[int]:
-    names, used = model.parameters.names, model.parameters.generators != 0
-    unknown = [name for name in changing if name not in names]
-    if unknown:
-        raise ParameterError(f"changing: {', '.join(unknown)} unknown; parameters are {', '.join(names)}.")
-    inside = np.array([name in changing for name in names])
-    columns = used[inside].any(axis=0)
-    tied = [name for name, row in zip(names, used, strict=True) if name not in changing and (row & columns).any()]
-    if tied:
-        raise ParameterError(f"changing: {', '.join(changing)} are correlated with {', '.join(tied)} in the set.")
-    return [int(k) for k in np.flatnonzero(columns)]
-
-
 class WindowTest:
     """Set membership over windows, with the healthy block evaluated once.
 
@@ -163,11 +151,13 @@ class WindowTest:
     changing : tuple of str
         Parameters that may differ between the healthy block and the recent points, such as r_s with the winding's
         temperature; within each of the two they are constant.
+    own : tuple of str
+        Parameters that may differ from point to point, such as inductances that depend on the flux.
 
     Raises
     ------
     ParameterError
-        If a margin is negative, a size unknown, or a changing parameter unknown or tied to one that does not change.
+        If a margin is negative, a size unknown, or a changing or own parameter unknown or tied to another.
     DataError
         If a relation is not defined on the set at a point.
 
@@ -184,6 +174,7 @@ class WindowTest:
         margin: tuple[float, float] = (0.0, 0.0),
         largest: Mapping[str, float] | None = None,
         changing: tuple[str, ...] = (),
+        own: tuple[str, ...] = (),
     ) -> None:
         if min(margin) < 0 or not np.isfinite(margin).all():
             raise ParameterError(f"WindowTest.margin = {margin!r} (Pa, N m): must be finite and >= 0.")
@@ -200,17 +191,49 @@ class WindowTest:
             ),
             model.parameters, model.errors,
         )  # fmt: skip
-        self._own = _own_columns(model, changing)
-        self._reference = None if reference is None else self._rows(reference, False)
+        self._changing = own_columns(model.parameters, changing)
+        self._own = own_columns(model.parameters, own)
+        self._reference = None if reference is None else self.rows(reference, False)
 
-    def _rows(self, signals: Mapping[str, ArrayLike], recent: bool) -> Rows:
+    @property
+    def reference(self) -> Rows | None:
+        """Rows of the healthy block."""
+        return self._reference
+
+    def rows(
+        self, signals: Mapping[str, ArrayLike], recent: bool = True, outputs: tuple[str, ...] = ("R1", "R2")
+    ) -> Rows:
+        """Points as rows of the linear programs.
+
+        Parameters
+        ----------
+        signals : mapping of str to array_like, shape (n,)
+            Channels, SI.
+        recent : bool
+            Whether they are recent points, with changing parameters of their own, or belong to the healthy block.
+        outputs : tuple of str
+            Residuals; R3 has the margin of R2.
+
+        Returns
+        -------
+        Rows
+            Point by point, in each the outputs in their order.
+
+        Raises
+        ------
+        DataError
+            If a channel is missing or not finite, or a relation not defined on the set.
+        """
         forms = self.model.forms(signals)
-        rows = shared_rows(forms, self.model.errors, self.model.relations.channels, margin=self._margin)
+        margin = np.array([self._margin[0 if name == "R1" else 1] for name in outputs])
+        rows = shared_rows(
+            forms, self.model.errors, self.model.relations.channels, outputs=outputs, margin=margin, own=self._own
+        )
         # changing parameters have a second set of columns, for the recent points
-        second = np.zeros((len(rows.c), len(self._own)))
+        second = np.zeros((len(rows.c), len(self._changing)))
         k = rows.k.copy()
         if recent:
-            second, k[:, self._own] = k[:, self._own], 0.0
+            second, k[:, self._changing] = k[:, self._changing], 0.0
         return Rows(c=rows.c, k=np.hstack((k, second)), r=rows.r)
 
     def test(
@@ -241,7 +264,7 @@ class WindowTest:
         unknown = [name for name in hypotheses if name not in HYPOTHESES]
         if unknown:
             raise ParameterError(f"hypotheses: {', '.join(unknown)} unknown; known are {', '.join(HYPOTHESES)}.")
-        recent = self._rows(signals, True)
+        recent = self.rows(signals, True)
         healthy = 0 if self._reference is None else len(self._reference.c)
         rows = recent if self._reference is None else self._reference + recent
         # with a fault that can be of any size the recent point enters by its healthy maps only

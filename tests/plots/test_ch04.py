@@ -12,10 +12,12 @@ from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
 from pumplib.errors import DataError, ParameterError
+from pumplib.events.confront import Confrontation
 from pumplib.fmea import OBSERVATION
 from pumplib.fmea.load import shipped
 from pumplib.plots import ch04, ch04_graphs, ch04_layout
 from pumplib.plots.style import COLOURS, PAGE, save_figure
+from pumplib.propagation.symbols import MINUS, PLUS, ZERO
 
 PUMP, SHIP = shipped("pump"), shipped("ship")
 CUT = [("HY", "OUT"), ("MD", "EM"), ("MD", "SM"), ("OUT", "IN")]
@@ -52,6 +54,25 @@ def physics(**change: object) -> Figure:
     return ch04.physics_confrontation(**(given | change))  # type: ignore[arg-type]
 
 
+def confronted(spoiled: bool = False) -> Figure:
+    """Two faults, two disturbing events, three operating points; a head that may only fall."""
+    sign = np.zeros((3, 3, 3, 2), np.int8)
+    sign[1, 0, :2, 0] = -1
+    sign[0, 2, 0, 1] = 1
+    sign[2, 2, :, 0] = 1  # a fault with a disturbing event is not drawn
+    if spoiled:
+        sign[1, 0, 2, 0] = 1
+    allowed = np.full((3, 3, 2), ZERO, np.uint8)
+    allowed[1, :, 0] |= MINUS
+    allowed[:, 2, 1] |= PLUS
+    found = Confrontation(
+        faults=("none", "HY1", "HY2"), disturbances=("none", "d_load+", "d_V-"), signals=("yrH", "yI"), sign=sign,
+        deviation=2.0 * sign,
+        allowed=allowed, thresholds={}, contradictions=(),
+    )  # fmt: skip
+    return ch04.physics_signs(found)
+
+
 CASES = {
     "detect, no disturbance": [["I", "Q"], ["I", "dp"]],
     "isolate, D_B": [["I", "V", "Q", "dp"]],
@@ -73,6 +94,7 @@ FIGURES = {
         hypotheses=HYPOTHESES[:3], signals=["yZn", "yrT"], symbols=["00", "+*", ["0", "+0"]]
     ),
     "ch04_physics": physics,
+    "ch04_physics_signs": confronted,
     "ch04_confusion": lambda: ch04.confusion(truths=HYPOTHESES, verdicts=HYPOTHESES, counts=COUNTS),
 }  # fmt: skip
 
@@ -255,3 +277,11 @@ def test_sensor_sets_and_confusion_show_numbers() -> None:
 def test_bad_input(call, message) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises((DataError, ParameterError), match=message):
         call()
+
+
+def test_single_faults_and_single_disturbing_events_are_confronted() -> None:
+    shown = texts(confronted())
+    assert "0 contradicted cells of 8 simulated" in shown
+    assert {"HY1", "HY2", "d_load+", "d_V−", "yrH", "yI"} <= set(shown)
+    assert "none" not in shown
+    assert "1 contradicted cells of 8 simulated" in texts(confronted(spoiled=True))
