@@ -12,7 +12,6 @@ ones. Three monitors and three baselines judge the same runs:
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -21,24 +20,18 @@ from pumplib import primer
 from pumplib.campaign.schemes import Row
 from pumplib.decide import Evaluator
 from pumplib.errors import ParameterError
-from pumplib.machines.parameters import Motor
-from pumplib.machines.profiles import load_profile, profile_machine
 from pumplib.machines.quantity import Choice, Parameters, Quantity
-from pumplib.observers.residual_model import PumpBelief, believed
+from pumplib.observers.residual_bench import knowledge, record_of
 from pumplib.observers.residual_monitor import (
     Judged,
     MonitorSettings,
     PumpMonitor,
-    PumpRecord,
     commission_monitor,
-    pump_record,
     spans,
     teach,
 )
-from pumplib.observers.stator import observe
-from pumplib.observers.stator_design import design_gain
 from pumplib.testbench.faults import Fault
-from pumplib.testbench.run import Bench, Run, draw_bench, run
+from pumplib.testbench.run import Bench, draw_bench, run
 from pumplib.testbench.scenario import load_scenario
 
 TAUGHT = 10
@@ -112,48 +105,6 @@ def parse_fault(text: str, ramp: float = 0.0) -> Fault:
         raise ParameterError(f'fault {text!r}: write it as "kind:size", for example "clogging:1e10".') from None
     shape: Any = {"shape": "ramp", "ramp": ramp} if ramp > 0 else {}
     return Fault(kind=kind, size=number, **shape)  # type: ignore[arg-type]
-
-
-@cache
-def knowledge(profile: str) -> tuple[Motor, PumpBelief, Any]:
-    """What the monitor knows before any measurement: sheets of motor, pump and sensors, and the observer's gain.
-
-    Parameters
-    ----------
-    profile : str
-        Bench profile.
-
-    Returns
-    -------
-    motor : Motor
-    prior : PumpBelief
-    gain : Gain
-    """
-    machine, sensors = profile_machine(profile), load_profile(profile)["sensors"]
-    prior = believed(machine, flow_lag=sensors["flow"]["lag_s"], pressure_lag=sensors["pressure"]["lag_s"])
-    return machine.motor, prior, design_gain(machine.motor, 1e4)[0]
-
-
-def record_of(done: Run, profile: str) -> PumpRecord:
-    """What the pump part sees of a bench run.
-
-    Parameters
-    ----------
-    done : Run
-        The run.
-    profile : str
-        Bench profile.
-
-    Returns
-    -------
-    PumpRecord
-    """
-    motor, _, gain = knowledge(profile)
-    fast = done.fast
-    assert fast.H is not None
-    assert fast.Q is not None
-    found = observe(fast.voltage, fast.current, motor, fast.rate, gain, every=round(fast.rate / fast.hydraulic_rate))
-    return pump_record(found, fast.H, fast.Q, fast.hydraulic_rate)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -27,7 +27,8 @@ def _runs(table: Any, fault: str, size: float | None = None) -> Any:
 
 def _row(rows: Any, column: str, **place: Any) -> dict[str, Any]:
     one = rate(rows[column].to_numpy())
-    few = rate(rows[column].to_numpy(), clusters=rows["run"].to_numpy()) if rows["run"].nunique() > 1 else one
+    machine = rows["cell"].astype(str) + " " + rows["run"].astype(str)  # run 0 of two cells are two machines
+    few = rate(rows[column].to_numpy(), clusters=machine.to_numpy()) if machine.nunique() > 1 else one
     return {
         **place, "runs": one.n, "hits": int(rows[column].sum()), "rate": one.value, "low": one.low, "high": one.high,
         "low, machines": few.low, "high, machines": few.high,
@@ -188,7 +189,7 @@ def same_rows(table: Any, run: int, repeated: Sequence[Mapping[str, Any]], toler
     Parameters
     ----------
     table : pandas.DataFrame
-        Committed.
+        Committed; of one cell.
     run : int
         Number of the machine in the table.
     repeated : sequence of mapping
@@ -204,8 +205,10 @@ def same_rows(table: Any, run: int, repeated: Sequence[Mapping[str, Any]], toler
     Raises
     ------
     DataError
-        If a value differs.
+        If a value differs, or the table has several cells.
     """
+    if table["cell"].nunique() != 1:
+        raise DataError("same_rows: the table has several cells; take one by Result.cell.")
     before = table[table["run"] == run].sort_values("row").head(len(repeated)).to_dict("records")
     if len(before) < len(repeated):
         raise DataError(f"machine {run}: {len(before)} rows in the table, {len(repeated)} were repeated.")
