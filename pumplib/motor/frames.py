@@ -75,7 +75,10 @@ def to_space_vector(abc: Array) -> Array:
     ----------
     Thesis (3.4); amplitude-invariant.
     """
-    return 2 / 3 * (_three(abc, "abc") @ PHASE_AXES)
+    x = _three(abc, "abc")
+    # written out: a product with a 3-vector is handed to threads that cost more than it does
+    d, q = x[..., 0] - 0.5 * (x[..., 1] + x[..., 2]), (x[..., 1] - x[..., 2]) * (np.sqrt(3.0) / 2)
+    return np.asarray(2 / 3 * (d + 1j * q))
 
 
 def zero_sequence(abc: Array) -> Array:
