@@ -88,9 +88,7 @@ def test_figures_are_reproduced(fresh: tuple[Path, list[str]]) -> None:
 def test_figures_of_measured_data_were_compared(fresh: tuple[Path, list[str]]) -> None:
     left_out = [name for name in sorted(REAL_DATA & set(LISTED)) if name not in fresh[1] or not as_committed(name)]
     if left_out:
-        pytest.skip(
-            f"figures of {', '.join(left_out)} were not compared: PUMPLIB_DATA holds other data or none"
-        )
+        pytest.skip(f"figures of {', '.join(left_out)} were not compared: PUMPLIB_DATA holds other data or none")
 
 
 def test_the_comparison_notices_another_picture(drawn: Path) -> None:

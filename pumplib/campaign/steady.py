@@ -36,6 +36,8 @@ TAUGHT = 10
 """Healthy runs that may enlarge the margin, beside the one for commissioning."""
 QUANTITIES = {"clogging": "K_f", "friction": "dB", "leakage": "K_l", "cavitation": "f_c", "dry_running": "f_d"}
 """Fault of the bench to the hypothesis that holds it."""
+OUTSIDE = "outside"
+"""No hypothesis is left: two faults at once, a fault that changes, or something the model does not hold."""
 METHODS = ("plain", "single", "window")
 
 
@@ -181,7 +183,8 @@ def row_of(
     Returns
     -------
     dict
-        ``fault``, ``size``, ``onset``; steady ``points`` and those that lie after the onset; ``margin`` of R1 (Pa)
+        ``fault``, ``size``, ``onset``; steady ``points`` and those that lie after the onset; of the first of these the
+        operating point, ``first_omega_e`` and ``first_Q``, and which methods see the fault in it; ``margin`` of R1 (Pa)
         and R2 (N m). Of each method an alarm before the fault (healthy runs: at any time), one after it, its delay.
         The class by signs, whether it is the true one, its delay. The hypotheses left over, whether the truth is among
         them or alone, when it was alone, range of the size under the true hypothesis and whether the true size is in.
@@ -194,6 +197,7 @@ def row_of(
         "onset": onset if fault else None,
         "points": len(said.points),
         "points_after": int((said.points.start >= onset).sum()),
+        **_first(said, onset),
         "margin_head": float(monitor.margin[0]),
         "margin_torque": float(monitor.margin[1]),
     }
@@ -206,6 +210,17 @@ def row_of(
         row |= _timed("strict", other.alarms("window"), onset)
     row["moving_false"] = int(monitor.moving_alarm(slow, onset))
     return row | _named(said, fault, onset) | _possible(said, fault, onset)
+
+
+def _first(said: Judged, onset: float) -> dict[str, Any]:
+    after = np.flatnonzero(said.points.start >= onset)
+    k = int(after[0]) if len(after) else None
+    row: dict[str, Any] = {
+        f"first_{name}": None if k is None else float(said.points.signals[name][k]) for name in ("omega_e", "Q")
+    }
+    for method in METHODS:
+        row[f"first_{method}"] = None if k is None else int(said.points.t[k] in said.alarms(method))
+    return row
 
 
 def _timed(label: str, times: Any, onset: float) -> dict[str, Any]:
@@ -223,7 +238,7 @@ def _named(said: Judged, fault: Fault | None, onset: float) -> dict[str, Any]:
     counts = bool(len(times)) and times[0] >= onset
     name = said.signs if counts else ""
     return {
-        "signs_class": name,
+        "signs_class": name or None,
         "signs_right": int(fault is not None and name == QUANTITIES.get(fault.kind)),
         "signs_delay": said.signs_at - onset if counts and said.signs_at is not None else None,
     }
@@ -238,7 +253,7 @@ def _possible(said: Judged, fault: Fault | None, onset: float) -> dict[str, Any]
     alone = counts and left == (truth,)
     return {
         "tested": said.tested if counts else 0,
-        "possible": "|".join(left),
+        "possible": ("|".join(left) or OUTSIDE) if counts else None,
         "truth_in": int(truth in left) if counts else None,
         "unique": int(alone),
         "unique_delay": said.single_at - onset if alone and said.single_at is not None else None,

@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pumplib.campaign.residual_tables import NO_ALARM, NO_REST, detections, false_alarms
-from pumplib.campaign.steady import METHODS, QUANTITIES
+from pumplib.campaign.steady import METHODS, OUTSIDE, QUANTITIES
 from pumplib.errors import DataError
 
 __all__ = [
-    "METHODS", "METHOD_NAMES", "NAMED", "QUANTITIES", "SINGLE", "UNIQUE", "UNIQUE_KF", "WINDOW", "beside", "confusion",
+    "METHODS", "METHOD_NAMES", "NAMED", "QUANTITIES", "SINGLE", "UNIQUE", "UNIQUE_KF", "WINDOW", "beside",
+    "by_operating_point", "confusion",
     "detections", "false_alarms", "hypotheses", "runs_of", "share", "smallest_rate", "smallest_share",
 ]  # fmt: skip
 
@@ -27,6 +28,14 @@ WINDOW = {"clogging": 2.5e9, "friction": 2.5e-4, "leakage": 3e-8, "cavitation": 
 NAMED = {"clogging": 2e10, "friction": 5e-4, "leakage": 2.4e-7, "cavitation": 0.1, "dry_running": 0.9}
 UNIQUE = {"leakage": 6e-8, "cavitation": 0.025, "friction": 5e-4}
 UNIQUE_KF = {"clogging": 2e10}
+CLAIMS = tuple(
+    f"ch7.{name}"
+    for name in (
+        "single", "false", "transient", "window", "strict_stretch", "identify_residuals", "hypotheses", "unique",
+        "unique_Kf_stretch",
+    )
+)  # fmt: skip
+"""Claims that are judged on the campaign's table."""
 
 
 def runs_of(table: Any, fault: str, size: float) -> Any:
@@ -168,7 +177,7 @@ def hypotheses(table: Any) -> list[dict[str, Any]]:
     for (fault, size), rows in faulty.groupby(["fault", "size"], sort=False):
         tested = rows[rows["tested"] > 0]
         width = (tested["size_high"].astype(float) - tested["size_low"].astype(float)) / float(size)
-        left = tested["possible"].fillna("").map(lambda text: len([x for x in text.split("|") if x]))
+        left = tested["possible"].map(lambda text: 0 if text == OUTSIDE else len(text.split("|")))
         found.append({
             "fault": fault, "size": float(size), "runs": len(rows), "tested": len(tested),
             "truth_in": _mean(tested["truth_in"]), "unique": _mean(rows["unique"]), "answers": _mean(left),
@@ -185,6 +194,49 @@ def _mean(values: Any) -> float | None:
 def _median(values: Any) -> float | None:
     kept = values.dropna().astype(float)
     return float(kept.median()) if len(kept) else None
+
+
+def by_operating_point(
+    table: Any, method: str, sizes: Mapping[str, float], speed: float = 250.0, flow: float = 1.1e-3
+) -> list[dict[str, Any]]:
+    """Detection in the first point after the fault, by where the pump was running then.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of a campaign with the scheme `pumplib.campaign.steady`.
+    method : str
+        Of `METHODS`.
+    sizes : mapping of str to float
+        Faults and sizes.
+    speed, flow : float
+        Borders between low and high, of the supply frequency in rad/s and of the measured flow in m3/s.
+
+    Returns
+    -------
+    list of dict
+        ``fault``, ``size``, ``speed`` and ``flow`` ("low" or "high"), ``runs``, ``hits``, ``rate`` (None without runs);
+        four a fault.
+
+    Raises
+    ------
+    DataError
+        If there is no run of a fault and size.
+    """
+    found = []
+    for fault, size in sizes.items():
+        rows = runs_of(table, fault, size)
+        rows = rows[rows["first_omega_e"].notna()]
+        fast, much = rows["first_omega_e"].astype(float) >= speed, rows["first_Q"].astype(float) >= flow
+        for high_speed in (False, True):
+            for high_flow in (False, True):
+                hits = rows[(fast == high_speed) & (much == high_flow)][f"first_{method}"].astype(float)
+                found.append({
+                    "fault": fault, "size": size, "speed": "high" if high_speed else "low",
+                    "flow": "high" if high_flow else "low", "runs": len(hits), "hits": int(hits.sum()),
+                    "rate": float(hits.mean()) if len(hits) else None,
+                })  # fmt: skip
+    return found
 
 
 def confusion(table: Any, sizes: Mapping[str, float]) -> tuple[tuple[str, ...], tuple[str, ...], Array]:

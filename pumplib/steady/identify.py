@@ -387,7 +387,23 @@ def _factor(rows: Rows, n_p: int, noise: Array) -> float:
 
 
 def model_margins(rows: Rows) -> Array:
-    """Smallest additional margins of R1 and R2 that explain the rows, zero if none are needed."""
+    """Smallest additional margins of R1 and R2 that explain rows.
+
+    Parameters
+    ----------
+    rows : Rows
+        Of R1 and R2 in turn.
+
+    Returns
+    -------
+    ndarray, shape (2,)
+        Pa and N m; zero if none are needed.
+
+    Raises
+    ------
+    ProgramError
+        If the solver fails.
+    """
     from scipy.optimize import linprog
 
     if Program(rows).margin()[0] <= 0:

@@ -80,8 +80,8 @@ class Measurement:
     ----------
     id : str
         The claim.
-    value : number or tuple of numbers
-        In the claim's unit.
+    value : number or tuple of numbers, or None
+        In the claim's unit; None if the notebook could not measure it here, and says why in the note.
     n, successes : int or None
         Number of runs, and how many of them count, where the value is a rate or a count.
     note : str
@@ -89,7 +89,7 @@ class Measurement:
     """
 
     id: str
-    value: Number | tuple[Number, ...]
+    value: Number | tuple[Number, ...] | None
     n: int | None = None
     successes: int | None = None
     note: str = ""

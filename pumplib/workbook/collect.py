@@ -101,7 +101,9 @@ def _row(claim: Claim, value: Measurement | None, origin: str, reason: str) -> R
     note = reason
     if value is not None:
         note = value.note
-        if claim.n is not None and (value.n or 0) < claim.n:
+        if value.value is None:
+            pass  # could not be measured on this machine
+        elif claim.n is not None and (value.n or 0) < claim.n:
             note = f"n = {value.n} of {claim.n}" + (f"; {note}" if note else "")
         else:
             verdict = judge(claim, value.value)

@@ -109,6 +109,32 @@ class Notebook:
         bound = list(claim.bound) if isinstance(claim.bound, tuple) else claim.bound
         print(f"{name}: {_short(value.value)}{unit} {claim.op} {bound}: {verdict}")
 
+    def not_run(self, name: str, reason: str) -> None:
+        """Say that a claim cannot be measured on this machine; the table shows it as "not run" with the reason.
+
+        Parameters
+        ----------
+        name : str
+            Id of the claim; its source must be this notebook.
+        reason : str
+            What is absent, and how to get it.
+
+        Raises
+        ------
+        ClaimError
+            If the id is unknown, belongs elsewhere or is recorded already, or no reason is given.
+        """
+        claim = find(self._ledger, name)
+        if claim.notebook != self.name:
+            raise ClaimError(f"{name}: its source is {claim.source}, not notebook {self.name}")
+        if not reason.strip():
+            raise ClaimError(f"{name}: say why it cannot be measured here")
+        if self.counts and name in self._recorded:
+            raise ClaimError(f"{name}: recorded twice in this run; keep one of them")
+        self._recorded[name] = Measurement(id=claim.id, value=None, note=reason)
+        write_json(self.folder / "claims.json", [asdict(item) for item in self._recorded.values()])
+        print(f"{name}: NOT RUN: {reason}")
+
     def save(self, figure: "matplotlib.figure.Figure", figure_id: str) -> None:
         """Save a figure as SVG and PNG, and show the saved picture below the cell.
 

@@ -42,6 +42,21 @@ def test_default_run_counts(run_folder, capsys):
     assert (first["value"], first["note"], second["n"]) == (0.25, "first", 50)
 
 
+def test_a_claim_may_be_impossible_to_measure_here(run_folder, capsys):
+    notebook = start()
+    notebook.not_run("ch1.a", "no compiler")
+    assert capsys.readouterr().out == "ch1.a: NOT RUN: no compiler\n"
+    (only,) = json.loads((run_folder / "claims.json").read_text())
+    assert (only["value"], only["note"]) == (None, "no compiler")
+    for name, reason, words in (
+        ("ch1.many", " ", "say why"),
+        ("ch1.a", "again", "recorded twice"),
+        ("ch1.none", "absent", "unknown"),
+    ):
+        with pytest.raises(ClaimError, match=words):
+            notebook.not_run(name, reason)
+
+
 def test_equal_text_is_still_the_default(run_folder):
     assert start(torque="3.0", seed="7").counts
 
