@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import peer_c
-from benchmarks.measure import MEASUREMENTS, Result
+from benchmarks.measure import CHAPTERS, MEASUREMENTS, Result
 from pumplib.paths import DATA
 from pumplib.workbook.claims import Claim, judge, load_claims
 
-TARGET = DATA / "measured" / "benchmarks.json"
+FOLDER = DATA / "measured"
+GROUPS = {"chapters": tuple(CHAPTERS), "benchmarks": tuple(name for name in MEASUREMENTS if name not in CHAPTERS)}
+"""What belongs into one file, measured in one run: the tools of chapters 4 to 7, and everything of chapter 3."""
 PACKAGES = (
     "numpy", "numba", "llvmlite", "scipy", "networkx", "motulator", "faultdiagnosistoolbox", "python-flint", "psutil",
 )  # fmt: skip
@@ -84,17 +86,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, default=7, help="rounds of each comparison (default 7)")
     parser.add_argument("--seed", type=int, default=20051, help="seed of the 1000 parameter sets")
     parser.add_argument("--date", help="YYYY-MM-DD of the result (default: today)")
-    parser.add_argument("--write", action="store_true", help=f"write data/measured/{TARGET.name}; needs a full run")
+    parser.add_argument("--group", choices=GROUPS, help="measure one group only")
+    parser.add_argument("--write", action="store_true", help="write data/measured, a file for each group")
     chosen = parser.parse_args(arguments)
-    if chosen.write and chosen.only:
-        parser.error("--write needs all measurements of one run; leave --only out")
+    if chosen.only and (chosen.write or chosen.group):
+        parser.error("--write needs all measurements of a group in one run; leave --only out")
     if chosen.rounds < 1:
         parser.error("--rounds must be at least 1")
     date = datetime.date.fromisoformat(chosen.date) if chosen.date else datetime.date.today()
 
     found: Result = {}
     failed = False
-    for name in chosen.only or MEASUREMENTS:
+    for name in chosen.only or GROUPS.get(chosen.group, tuple(MEASUREMENTS)):
         measurement, claims = MEASUREMENTS[name]
         print(f"measuring {name} ({', '.join(claims)}) ...", file=sys.stderr, flush=True)
         try:
@@ -109,8 +112,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if chosen.write and failed:
         print("nothing was written: a measurement ended in error", file=sys.stderr)
     elif chosen.write:
-        TARGET.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        print(f"written: data/measured/{TARGET.name}")
+        for group in (chosen.group,) if chosen.group else GROUPS:
+            ids = {claim for name in GROUPS[group] for claim in MEASUREMENTS[name][1]}
+            part = report(date.isoformat(), chosen.seed, {name: found[name] for name in found if name in ids})
+            (FOLDER / f"{group}.json").write_text(json.dumps(part, indent=1) + "\n", encoding="utf-8")
+            print(f"written: data/measured/{group}.json")
     return int(failed)
 
 

@@ -197,6 +197,7 @@ def workbook(rounds: int, seed: int) -> Result:
     return found
 
 
+CHAPTERS = ("closure", "stator", "mso", "residual", "enclosures")
 MEASUREMENTS: dict[str, tuple[Callable[[int, int], Result], tuple[str, ...]]] = {
     "bench": (bench, ("perf.bench",)),
     "scipy": (scipy_peers, ("perf.scipy", "perf.scipy_jit")),
