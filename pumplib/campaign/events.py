@@ -10,14 +10,15 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from pumplib.campaign.residual import TAUGHT, knowledge
+from pumplib.campaign.residual import TAUGHT
 from pumplib.campaign.schemes import Row
 from pumplib.errors import ParameterError
 from pumplib.events.features import Features, features
 from pumplib.events.scheme import EventScheme, EventSettings, Told, teach_events
 from pumplib.machines.quantity import Choice, Parameters, Quantity
+from pumplib.observers.residual_bench import knowledge, motor_part
 from pumplib.observers.residual_monitor import MonitorSettings, PumpRecord, commission_monitor, pump_record, teach
-from pumplib.observers.stator import Estimates, observe
+from pumplib.observers.stator import Estimates
 from pumplib.testbench.faults import PHASES, Fault
 from pumplib.testbench.nuisances import Nuisance
 from pumplib.testbench.run import Bench, Run, draw_bench, run
@@ -123,11 +124,10 @@ def parse_fault(text: str, phase: str = "a") -> tuple[str, Fault]:
 
 
 def _seen(done: Run) -> tuple[Estimates, PumpRecord]:
-    motor, _, gain = knowledge("pump")
     fast = done.fast
     assert fast.H is not None
     assert fast.Q is not None
-    found = observe(fast.voltage, fast.current, motor, fast.rate, gain, every=round(fast.rate / fast.hydraulic_rate))
+    found = motor_part(done, "pump")
     return found, pump_record(found, fast.H, fast.Q, fast.hydraulic_rate)
 
 

@@ -3,8 +3,6 @@
 import ctypes
 import shutil
 import subprocess
-import time
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -188,24 +186,6 @@ def test_a_negative_radicand_is_flagged_and_not_silent() -> None:
     stream = generator.stream(POINT, begin(form))
     stream.step([306.0, 4.2, 9e5], 0.0)
     assert stream.flag == 1
-
-
-@pytest.mark.parametrize("name", list(SETS))
-def test_speed_of_the_pump_residuals(name: str) -> None:
-    generator, form = pump_generator(name)
-    t, signals = record(100_000)
-    generator.run(t[:10], {s: v[:10] for s, v in signals.items()}, POINT, begin(form))
-    rows, steps, values = generator.record(signals), np.diff(t, prepend=t[0]), generator.values(POINT)
-    out = np.empty((len(t), 1)), np.empty((len(t), len(form.states))), np.empty(len(t), dtype=np.int64)
-    best = np.inf
-    for _ in range(5):
-        state = np.concatenate([begin(form), np.zeros(len(generator.signals))])
-        clock = time.perf_counter()
-        generator.kernel(state, rows, steps, values, *out)
-        best = min(best, time.perf_counter() - clock)
-    per_step = best / len(t) * 1e9
-    if per_step > 100:
-        warnings.warn(f"{name}: {per_step:.0f} ns a step, the goal is 100 ns", stacklevel=1)
 
 
 def test_wrong_records_are_refused() -> None:
